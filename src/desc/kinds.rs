@@ -1,0 +1,40 @@
+//! The `kinds!` list: one line per kind makes the enum, the dispatch and the
+//! scene-file names.
+
+/// Declares the kinds of a room.
+///
+/// ```ignore
+/// kinds! {
+///     /// What scatters light at a surface.
+///     pub enum Bsdf {
+///         Diffuse(diffuse::Diffuse) = ["diffuse"],
+///         Dielectric(dielectric::Dielectric) = ["dielectric"],
+///     }
+/// }
+/// ```
+/// makes the enum, a `From` for each kind and `Bsdf::NAMES`, the scene-file
+/// names in order. Dispatch is a `match` with one arm per kind beside it.
+#[allow(unused_macros, reason = "used by the rooms above")]
+macro_rules! kinds {
+    ($(#[$meta:meta])* pub enum $name:ident $(<$life:lifetime>)? {
+        $($(#[$vmeta:meta])* $variant:ident($ty:ty) = [$($file_name:literal),* $(,)?]),* $(,)?
+    }) => {
+        $(#[$meta])*
+        pub enum $name $(<$life>)? {
+            $($(#[$vmeta])* $variant($ty)),*
+        }
+
+        impl $(<$life>)? $name $(<$life>)? {
+            /// Names of these kinds in scene files.
+            pub const NAMES: &'static [&'static str] = &[$($($file_name),*),*];
+        }
+
+        $(impl $(<$life>)? From<$ty> for $name $(<$life>)? {
+            fn from(kind: $ty) -> Self {
+                $name::$variant(kind)
+            }
+        })*
+    };
+}
+#[allow(unused_imports, reason = "used by the rooms above")]
+pub(crate) use kinds;

@@ -1,0 +1,214 @@
+//! What a scene file says: plain data with file positions, the parameter
+//! reader and the error type of all input.
+//!
+//! Every reader (Mitsuba XML, glTF, …) produces a [`SceneDesc`]: a tree of
+//! [`Object`]s with named parameters, and the meshes and images they name,
+//! already decoded. [`Params`] reads an object's parameters, and reports the
+//! ones nobody asked for.
+
+mod error;
+mod kinds;
+mod params;
+
+pub use error::{Error, Pos, Result, nearest};
+pub use params::Params;
+
+use std::sync::Arc;
+
+use crate::math::{DVec3, Transform, Vec2, Vec3};
+
+/// Index of an object in [`SceneDesc::objects`].
+pub type ObjectId = u32;
+
+/// A whole scene as its files describe it.
+#[derive(Clone, Debug, Default)]
+pub struct SceneDesc {
+    /// Files read, as the user would name them; [`Pos::file`] indexes here.
+    pub files: Vec<String>,
+    /// All objects; the references among them are ids into this array.
+    pub objects: Vec<Object>,
+    /// The `<scene>` object.
+    pub root: ObjectId,
+    /// Decoded meshes.
+    pub meshes: Vec<Arc<Mesh>>,
+    /// Decoded images.
+    pub images: Vec<Arc<Image>>,
+    /// Things worth telling the user that do not change the picture's meaning.
+    pub warnings: Vec<String>,
+}
+
+/// What an object is for: the tag it stands under.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[allow(missing_docs, reason = "the names are those of the scene file")]
+pub enum Category {
+    Scene,
+    Shape,
+    Bsdf,
+    Texture,
+    Emitter,
+    Sensor,
+    Film,
+    Rfilter,
+    Sampler,
+    Integrator,
+    Medium,
+    Phase,
+    Volume,
+}
+
+impl Category {
+    /// The tag as written in the scene file.
+    #[must_use]
+    pub fn tag(self) -> &'static str {
+        match self {
+            Category::Scene => "scene",
+            Category::Shape => "shape",
+            Category::Bsdf => "bsdf",
+            Category::Texture => "texture",
+            Category::Emitter => "emitter",
+            Category::Sensor => "sensor",
+            Category::Film => "film",
+            Category::Rfilter => "rfilter",
+            Category::Sampler => "sampler",
+            Category::Integrator => "integrator",
+            Category::Medium => "medium",
+            Category::Phase => "phase",
+            Category::Volume => "volume",
+        }
+    }
+}
+
+/// One plugin instance: `<bsdf type="diffuse" id="wall"> … </bsdf>`.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// What it is for.
+    pub category: Category,
+    /// The plugin name, `diffuse`.
+    pub plugin: String,
+    /// Its id, or an empty string.
+    pub id: String,
+    /// Where its tag opens.
+    pub pos: Pos,
+    /// Its parameters and children in file order.
+    pub params: Vec<Param>,
+}
+
+/// One named value.
+#[derive(Clone, Debug)]
+pub struct Param {
+    /// Its name; empty for an unnamed child object.
+    pub name: String,
+    /// Its value.
+    pub value: Value,
+    /// Where it stands.
+    pub pos: Pos,
+}
+
+/// The value of a parameter.
+#[derive(Clone, Debug)]
+pub enum Value {
+    /// `<boolean>`.
+    Bool(bool),
+    /// `<integer>`.
+    Int(i64),
+    /// `<float>`.
+    Float(f64),
+    /// `<string>`.
+    String(String),
+    /// `<rgb>`: linear RGB, three values (a single value is repeated).
+    Rgb([f64; 3]),
+    /// `<spectrum>` given as wavelength:value pairs in nanometres, sorted.
+    Spectrum(Vec<(f64, f64)>),
+    /// `<point>` or `<vector>`.
+    Vector(DVec3),
+    /// `<transform>`.
+    Transform(Transform),
+    /// A nested object or a reference to one.
+    Object(ObjectId),
+    /// A decoded mesh: index into [`SceneDesc::meshes`].
+    Mesh(u32),
+    /// A decoded image: index into [`SceneDesc::images`].
+    Image(u32),
+}
+
+impl Value {
+    /// How the value's type is called in messages.
+    #[must_use]
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Value::Bool(_) => "boolean",
+            Value::Int(_) => "integer",
+            Value::Float(_) => "float",
+            Value::String(_) => "string",
+            Value::Rgb(_) => "rgb",
+            Value::Spectrum(_) => "spectrum",
+            Value::Vector(_) => "point or vector",
+            Value::Transform(_) => "transform",
+            Value::Object(_) => "object",
+            Value::Mesh(_) => "mesh",
+            Value::Image(_) => "image",
+        }
+    }
+}
+
+/// A triangle mesh as decoded from a file, in the file's own coordinates.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// Vertex positions, all finite.
+    pub positions: Vec<Vec3>,
+    /// Vertex normals, one per vertex, or empty.
+    pub normals: Vec<Vec3>,
+    /// Texture coordinates, one per vertex, or empty.
+    pub uvs: Vec<Vec2>,
+    /// Vertex indices of each triangle, all in range.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// A decoded image; row 0 is the top row.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Pixels per row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Interleaved channels per pixel: 1 (grey), 2 (grey, alpha), 3 (RGB) or 4 (RGBA).
+    pub channels: u32,
+    /// Row-major samples, `width · height · channels` of them.
+    pub pixels: Pixels,
+    /// The file as the user would name it.
+    pub name: String,
+}
+
+/// Samples of an image, kept as compact as the file had them.
+#[derive(Clone, Debug)]
+pub enum Pixels {
+    /// 8 bits, 255 is one; sRGB encoded unless the user of the image says raw.
+    U8(Vec<u8>),
+    /// 16 bits, 65535 is one; sRGB encoded unless the user of the image says raw.
+    U16(Vec<u16>),
+    /// Linear floats.
+    F32(Vec<f32>),
+}
+
+impl SceneDesc {
+    /// The object of an id.
+    #[must_use]
+    pub fn object(&self, id: ObjectId) -> &Object {
+        &self.objects[id as usize]
+    }
+
+    /// An error at a position of this scene.
+    pub fn error(&self, pos: Pos, message: impl Into<String>) -> Error {
+        let file = self.files.get(pos.file as usize).cloned().unwrap_or_default();
+        Error::new(message).at(file, pos)
+    }
+
+    /// A reader for the parameters of an object.
+    #[must_use]
+    pub fn params(&self, id: ObjectId) -> Params<'_> {
+        Params::new(self, id)
+    }
+}
+
+#[allow(unused_imports, reason = "used by the rooms above")]
+pub(crate) use kinds::kinds;
