@@ -1,9 +1,56 @@
 //! Arguments, progress bar, messages and exit codes.
+//!
+//! Human text goes to stderr, results to stdout. Exit code 0 is done, 1 failed,
+//! 2 wrong use.
+
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this room is where the program speaks")]
+
+mod args;
+mod compare;
+mod inspect;
+mod progress;
+mod render;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
+use clap::Parser;
+
+use crate::desc::{Result, SceneDesc};
+use args::{Command, Etendue, SceneArgs};
+
 /// Runs the command line; returns 0 when done, 1 on failure, 2 on wrong use.
-pub fn run(_args: impl IntoIterator<Item = OsString>) -> ExitCode {
-    ExitCode::SUCCESS
+pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let args = match Etendue::try_parse_from(args) {
+        Ok(args) => args,
+        Err(error) => {
+            // Help and version also come this way, with exit code 0.
+            let code = if error.use_stderr() { ExitCode::from(2) } else { ExitCode::SUCCESS };
+            let _ = error.print();
+            return code;
+        }
+    };
+    let result = match args.command {
+        Command::Render(args) => render::run(&args),
+        Command::Explain(args) => inspect::explain(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Replay(args) => inspect::replay(&args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Loads the scene that the arguments name, and prints its warnings.
+fn load_scene(args: &SceneArgs) -> Result<SceneDesc> {
+    let options = crate::load::LoadOptions { defines: args.defines.clone(), ..Default::default() };
+    let desc = crate::load::load(&args.scene, &options)?;
+    for warning in &desc.warnings {
+        eprintln!("warning: {warning}");
+    }
+    Ok(desc)
 }

@@ -212,3 +212,54 @@ impl SceneDesc {
 
 #[allow(unused_imports, reason = "used by the rooms above")]
 pub(crate) use kinds::kinds;
+
+impl SceneDesc {
+    /// A hash of all that decides the picture: objects, meshes and images, but
+    /// not where they stand in which file. FNV-1a over 64 bits.
+    #[must_use]
+    pub fn content_hash(&self) -> u64 {
+        use std::fmt::Write;
+        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        for object in &self.objects {
+            // Writing to the hash cannot fail.
+            let _ = write!(hash, "{}/{}/{}", object.category.tag(), object.plugin, object.params.len());
+            for param in &object.params {
+                let _ = write!(hash, "{}={:?};", param.name, param.value);
+            }
+        }
+        for mesh in &self.meshes {
+            for v in mesh.positions.iter().chain(&mesh.normals) {
+                v.to_array().iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes()));
+            }
+            for uv in &mesh.uvs {
+                uv.to_array().iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes()));
+            }
+            mesh.triangles.iter().flatten().for_each(|i| hash.bytes(&i.to_le_bytes()));
+        }
+        for image in &self.images {
+            match &image.pixels {
+                Pixels::U8(p) => hash.bytes(p),
+                Pixels::U16(p) => p.iter().for_each(|x| hash.bytes(&x.to_le_bytes())),
+                Pixels::F32(p) => p.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes())),
+            }
+        }
+        hash.0
+    }
+}
+
+struct Fnv(u64);
+
+impl Fnv {
+    fn bytes(&mut self, bytes: &[u8]) {
+        for byte in bytes {
+            self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+impl std::fmt::Write for Fnv {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        self.bytes(text.as_bytes());
+        Ok(())
+    }
+}

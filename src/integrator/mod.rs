@@ -1,1 +1,226 @@
-//! Room `integrator`.
+//! Integrators: light arriving along a camera ray.
+//!
+//! Each gives an estimate of the radiance for one (pixel, sample) pair, and is
+//! a pure function of it: all random numbers come from the [`Sampler`].
+
+mod ambient;
+mod build;
+mod direct;
+mod path;
+mod record;
+mod whitted;
+
+pub use ambient::{AmbientOcclusion, Depth};
+pub use build::{IntegratorOptions, NAMES};
+pub use direct::Direct;
+pub use path::Path;
+pub use record::{Counters, Event, NoRecord, Record, Vertex};
+pub use whitted::Whitted;
+
+use crate::film::PixelSample;
+use crate::math::{Ray, Rgb, Vec2, Vec3};
+use crate::sampling::Sampler;
+use crate::scene::Scene;
+use crate::shape::SurfacePoint;
+
+/// How radiance is estimated.
+#[derive(Clone, Debug)]
+pub enum Integrator {
+    /// Path tracing.
+    Path(Path),
+    /// Direct light only.
+    Direct(Direct),
+    /// Whitted's ray tracing.
+    Whitted(Whitted),
+    /// Ambient occlusion.
+    AmbientOcclusion(AmbientOcclusion),
+    /// Distance to the first hit.
+    Depth(Depth),
+}
+
+impl Integrator {
+    /// Its scene-file name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Integrator::Path(_) => "path",
+            Integrator::Direct(_) => "direct",
+            Integrator::Whitted(_) => "whitted",
+            Integrator::AmbientOcclusion(_) => "ao",
+            Integrator::Depth(_) => "depth",
+        }
+    }
+
+    /// What is left out of the rendering equation, for the file header.
+    #[must_use]
+    pub fn bias_ledger(&self) -> String {
+        match self {
+            Integrator::Path(Path { max_depth: u32::MAX, .. }) => "none".to_owned(),
+            Integrator::Path(p) => format!("paths longer than depth {} are cut", p.max_depth),
+            Integrator::Direct(_) => "direct light only".to_owned(),
+            Integrator::Whitted(_) => "ray tracing without indirect light".to_owned(),
+            Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => "no light transport".to_owned(),
+        }
+    }
+
+    /// The size of what it measures, a power of two: the unit of the film's
+    /// exact sums. It follows the scene, so that brighter lights or a larger
+    /// scene shift no bit of the picture.
+    #[must_use]
+    pub fn radiance_scale(&self, scene: &Scene) -> f64 {
+        let size = match self {
+            Integrator::AmbientOcclusion(_) => 1.0,
+            Integrator::Depth(_) => f64::from(scene.bounds().bounding_sphere().1),
+            _ => scene.lights.iter().map(|l| l.peak()).fold(0.0, f64::max),
+        };
+        if size > 0.0 && size.is_finite() { size.log2().ceil().exp2() } else { 1.0 }
+    }
+
+    /// Estimates what one sample of one pixel sees. `record` is told of every
+    /// vertex; pass [`NoRecord`] to render.
+    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+        match self {
+            Integrator::Path(i) => i.sample(scene, camera, record),
+            Integrator::Direct(i) => i.sample(scene, camera, record),
+            Integrator::Whitted(i) => i.sample(scene, camera, record),
+            Integrator::AmbientOcclusion(i) => i.sample(scene, camera, record),
+            Integrator::Depth(i) => i.sample(scene, camera, record),
+        }
+    }
+}
+
+/// A camera ray and the random numbers of its sample.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraSample {
+    /// The ray into the scene.
+    pub ray: Ray,
+    /// Random numbers by dimension.
+    pub sampler: Sampler,
+    /// The (u, v) of the first light sample: part of the 4D set of the pixel position.
+    pub first_light: Vec2,
+    /// Somebody wants the layers that the first hit decides.
+    pub layers: bool,
+}
+
+/// Random dimensions: labels of the sets that [`Sampler`] draws from.
+mod dimension {
+    /// Position on the lens.
+    pub const LENS: u32 = 1;
+    /// First of a vertex's dimensions.
+    const VERTEX: u32 = 8;
+    const PER_VERTEX: u32 = 8;
+    /// Which light.
+    pub const LIGHT_CHOICE: u32 = 0;
+    /// Where on the light.
+    pub const LIGHT: u32 = 1;
+    /// Which lobe.
+    pub const LOBE: u32 = 2;
+    /// Which direction.
+    pub const DIRECTION: u32 = 3;
+    /// Russian roulette.
+    pub const ROULETTE: u32 = 4;
+
+    /// The label of a purpose at the vertex after `bounce` scatterings.
+    pub fn at(bounce: u32, purpose: u32) -> u32 {
+        VERTEX.wrapping_add(bounce.wrapping_mul(PER_VERTEX)).wrapping_add(purpose)
+    }
+}
+
+impl CameraSample {
+    /// The camera ray of a (seed, pixel, sample) triple and its place in the
+    /// pixel, [0,1)².
+    #[must_use]
+    pub fn new(scene: &Scene, seed: u64, pixel: (i32, i32), index: u64) -> (CameraSample, Vec2) {
+        let sampler = Sampler::new(seed, pixel, index);
+        let (offset, first_light) = sampler.pixel_and_light();
+        let lens = if scene.plan.lens { sampler.get_2d(dimension::LENS) } else { Vec2::splat(0.5) };
+        let film = Vec2::new(pixel.0 as f32 + offset.x, pixel.1 as f32 + offset.y);
+        let ray = scene.camera.ray(film, lens, 0.0);
+        (CameraSample { ray, sampler, first_light, layers: false }, offset)
+    }
+
+    /// Which light, and where on it, at the vertex after `bounce` scatterings.
+    fn light(&self, scene: &Scene, bounce: u32) -> (f32, Vec2) {
+        let choice = if scene.selection.is_trivial() {
+            0.0
+        } else {
+            self.sampler.get_1d(dimension::at(bounce, dimension::LIGHT_CHOICE))
+        };
+        let u = if bounce == 0 {
+            self.first_light
+        } else {
+            self.sampler.get_2d(dimension::at(bounce, dimension::LIGHT))
+        };
+        (choice, u)
+    }
+
+    /// Which lobe and which direction.
+    fn scatter(&self, bounce: u32) -> (f32, Vec2) {
+        let lobe = self.sampler.get_1d(dimension::at(bounce, dimension::LOBE));
+        (lobe, self.sampler.get_2d(dimension::at(bounce, dimension::DIRECTION)))
+    }
+
+    /// Russian roulette.
+    fn roulette(&self, bounce: u32) -> f32 {
+        self.sampler.get_1d(dimension::at(bounce, dimension::ROULETTE))
+    }
+}
+
+/// The shadow ray from a surface point to a light sample.
+fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> Ray {
+    use crate::light::Target;
+    match &light.target {
+        Target::Surface(target) => surface.spawn_to(target),
+        Target::Point(p) => surface.spawn_to_point(*p),
+        Target::Infinite => surface.spawn(light.wi, 0.0),
+    }
+}
+
+/// Fills the layers that the first hit decides, if anybody wants them.
+fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample, surface: &SurfacePoint) {
+    if !camera.layers {
+        return;
+    }
+    let hit = scene.interact(*surface, -camera.ray.dir);
+    out.depth = (surface.p - camera.ray.origin).length();
+    out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
+    let normal = hit.scatter.normal().unwrap_or(surface.ns);
+    out.normal = if normal.dot(hit.wo) < 0.0 { -normal } else { normal };
+    out.albedo = hit.scatter.albedo(hit.wo);
+}
+
+/// A sample that saw nothing.
+fn empty_sample() -> PixelSample {
+    PixelSample {
+        rgb: Rgb::ZERO,
+        alpha: 0.0,
+        albedo: Rgb::ZERO,
+        normal: Vec3::ZERO,
+        position: Vec3::ZERO,
+        depth: f32::INFINITY,
+    }
+}
+
+/// The first hit of a camera ray; with `skip_lights` it goes through shapes
+/// that emit, as `hide_emitters` asks.
+fn first_hit<R: Record>(
+    scene: &Scene,
+    ray: &mut Ray,
+    skip_lights: bool,
+    record: &mut R,
+) -> Option<SurfacePoint> {
+    loop {
+        record.counters().camera_rays += 1;
+        let hit = scene.closest(ray)?;
+        let surface = scene.surface(ray, &hit);
+        if !(skip_lights && scene.light_of_shape(surface.shape).is_some()) {
+            return Some(surface);
+        }
+        let far = ray.at(ray.t_max);
+        let mut next = surface.spawn(ray.dir, ray.time);
+        if ray.t_max.is_finite() {
+            next.t_max = (far - next.origin).length();
+        }
+        *ray = next;
+    }
+}

@@ -1,1 +1,231 @@
-//! Room `material`.
+//! Materials: textures to bsdfs by value.
+//!
+//! A [`Material`] is what a scene file calls a bsdf: leaves that read textures
+//! ([`surface`]), and combinators (`twosided`, `mask`, `blendbsdf`, `bumpmap`,
+//! `normalmap`). At a hit it is flattened into a [`Scatter`]: a short list of
+//! weighted local-frame bsdfs, each with its own frame, which the integrator
+//! evaluates and samples without knowing where they came from. Textures are
+//! read once per hit.
+
+mod build;
+mod perturb;
+mod scatter;
+mod surface;
+
+pub use build::{MaterialBuilder, NAMES};
+pub use scatter::{Lobe, Scatter, ScatterSample};
+
+use crate::bsdf::{Bsdf, Null};
+use crate::math::{Frame, Rgb, Vec2, Vec3};
+use crate::texture::Texture;
+use perturb::Perturbation;
+use surface::Surface;
+
+/// A material: a tree of combinators with surfaces at its leaves.
+#[derive(Debug)]
+pub enum Material {
+    /// One bsdf whose parameters come from textures.
+    Surface(Surface),
+    /// Reflects on both sides: `[front, back]`; back `None` is the same as front.
+    TwoSided(Box<[Material; 1]>, Option<Box<Material>>),
+    /// Lets a fraction 1 − opacity pass straight through.
+    Mask(Texture, Box<Material>),
+    /// `(1 − weight)` of the first and `weight` of the second.
+    Blend(Texture, Box<[Material; 2]>),
+    /// Scattering in a frame perturbed by a texture.
+    Perturbed(Perturbation, Box<Material>),
+}
+
+/// What a material needs to know of the point it is evaluated at.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Texture coordinates.
+    pub uv: Vec2,
+    /// Unit direction towards where the path came from, world space.
+    pub wo: Vec3,
+    /// Geometric normal, unit, world space.
+    pub ng: Vec3,
+    /// Shading frame in world space; its `s` follows ∂p/∂u.
+    pub frame: Frame,
+    /// ∂p/∂u, world space.
+    pub dpdu: Vec3,
+    /// ∂p/∂v, world space.
+    pub dpdv: Vec3,
+}
+
+impl Material {
+    /// The bsdfs of this material at a point.
+    #[must_use]
+    pub fn at(&self, point: &Point) -> Scatter<'_> {
+        let mut scatter = Scatter::default();
+        self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), &mut scatter);
+        scatter
+    }
+
+    /// Adds this material's lobes, each with the weight, frame and
+    /// perturbation of `outer`.
+    fn collect<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
+        match self {
+            Material::Surface(surface) => out.push(Lobe { bsdf: surface.at(point.uv), ..outer }),
+            Material::TwoSided(front, back) => {
+                if outer.frame.n.dot(point.wo) >= 0.0 {
+                    front[0].collect(point, outer, out);
+                } else {
+                    let side = back.as_deref().unwrap_or(&front[0]);
+                    side.collect(point, Lobe { frame: outer.frame.flipped(), ..outer }, out);
+                }
+            }
+            Material::Mask(opacity, inner) => {
+                let opacity = opacity.eval_scalar(point.uv).clamp(0.0, 1.0);
+                if opacity > 0.0 {
+                    inner.collect(point, Lobe { weight: outer.weight * opacity, ..outer }, out);
+                }
+                if opacity < 1.0 {
+                    let weight = outer.weight * (1.0 - opacity);
+                    out.push(Lobe { weight, bsdf: Bsdf::Null(Null), ..outer });
+                }
+            }
+            Material::Blend(weight, inner) => {
+                let w = weight.eval_scalar(point.uv).clamp(0.0, 1.0);
+                if w < 1.0 {
+                    inner[0].collect(point, Lobe { weight: outer.weight * (1.0 - w), ..outer }, out);
+                }
+                if w > 0.0 {
+                    inner[1].collect(point, Lobe { weight: outer.weight * w, ..outer }, out);
+                }
+            }
+            Material::Perturbed(perturbation, inner) => {
+                inner.collect(point, perturbation.apply(point, outer), out);
+            }
+        }
+    }
+
+    fn visit(&self, f: &mut impl FnMut(&Material)) {
+        f(self);
+        match self {
+            Material::Surface(_) => {}
+            Material::TwoSided(front, back) => {
+                front[0].visit(f);
+                if let Some(back) = back {
+                    back.visit(f);
+                }
+            }
+            Material::Mask(_, inner) | Material::Perturbed(_, inner) => inner.visit(f),
+            Material::Blend(_, inner) => inner.iter().for_each(|m| m.visit(f)),
+        }
+    }
+
+    fn any(&self, test: impl Fn(&Material) -> bool) -> bool {
+        let mut found = false;
+        self.visit(&mut |m| found |= test(m));
+        found
+    }
+
+    /// True when some texture of it varies over the surface, so that texture
+    /// coordinates are needed.
+    #[must_use]
+    pub fn needs_uv(&self) -> bool {
+        self.any(|m| match m {
+            Material::Surface(s) => s.textures().iter().any(|t| t.is_constant().is_none()),
+            Material::Mask(t, _) | Material::Blend(t, _) => t.is_constant().is_none(),
+            Material::Perturbed(p, _) => p.needs_uv(),
+            Material::TwoSided(..) => false,
+        })
+    }
+
+    /// True when it depends on the direction of the tangent.
+    #[must_use]
+    pub fn needs_tangents(&self) -> bool {
+        self.any(|m| match m {
+            Material::Surface(s) => s.is_anisotropic(),
+            Material::Perturbed(..) => true,
+            _ => false,
+        })
+    }
+
+    /// True when every lobe is a delta: nothing to connect to a light.
+    #[must_use]
+    pub fn is_delta_only(&self) -> bool {
+        !self.any(|m| matches!(m, Material::Surface(s) if !s.is_delta_only()))
+    }
+
+    /// True when some light passes straight through (mask or null).
+    #[must_use]
+    pub fn has_null(&self) -> bool {
+        self.any(|m| match m {
+            Material::Mask(opacity, _) => opacity.is_constant().is_none_or(|c| c.x < 1.0),
+            Material::Surface(s) => s.is_null(),
+            _ => false,
+        })
+    }
+
+    /// True when some lobe transmits: such a material cannot be made two-sided.
+    #[must_use]
+    pub fn transmits(&self) -> bool {
+        self.any(|m| match m {
+            Material::Mask(..) => true,
+            Material::Surface(s) => s.transmits(),
+            _ => false,
+        })
+    }
+
+    /// Most lobes that one hit can have.
+    #[must_use]
+    pub fn lobe_count(&self) -> usize {
+        match self {
+            Material::Surface(_) => 1,
+            Material::TwoSided(front, back) => {
+                front[0].lobe_count().max(back.as_ref().map_or(0, |b| b.lobe_count()))
+            }
+            Material::Mask(_, inner) => inner.lobe_count() + 1,
+            Material::Blend(_, inner) => inner[0].lobe_count() + inner[1].lobe_count(),
+            Material::Perturbed(_, inner) => inner.lobe_count(),
+        }
+    }
+
+    /// Scene-file names of the bsdfs in it, without repetition.
+    #[must_use]
+    pub fn kinds(&self) -> Vec<&'static str> {
+        let mut names = Vec::new();
+        self.visit(&mut |m| {
+            let name = match m {
+                Material::Surface(s) => s.name(),
+                Material::TwoSided(..) => "twosided",
+                Material::Mask(..) => "mask",
+                Material::Blend(..) => "blendbsdf",
+                Material::Perturbed(p, _) => p.name(),
+            };
+            if !names.contains(&name) {
+                names.push(name);
+            }
+        });
+        names
+    }
+
+    /// Bytes of texture memory that it holds.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let mut bytes = 0;
+        self.visit(&mut |m| {
+            bytes += match m {
+                Material::Surface(s) => s.textures().iter().map(|t| t.memory_bytes()).sum(),
+                Material::Mask(t, _) | Material::Blend(t, _) => t.memory_bytes(),
+                Material::Perturbed(p, _) => p.memory_bytes(),
+                Material::TwoSided(..) => 0,
+            };
+        });
+        bytes
+    }
+}
+
+/// A colour of one.
+pub(crate) const WHITE: Rgb = Rgb::ONE;
+
+impl Material {
+    /// What a shape without a bsdf is made of: half-grey, or black for a light.
+    #[must_use]
+    pub fn default_for(emitter: bool) -> Material {
+        let reflectance = if emitter { Rgb::ZERO } else { Rgb::splat(0.5) };
+        Material::Surface(Surface::Diffuse { reflectance: Texture::constant(reflectance) })
+    }
+}

@@ -1,1 +1,268 @@
-//! Room `render`.
+//! Runs an integrator over the film: passes, tiles, threads, stopping rules
+//! and statistics.
+//!
+//! Samples come in passes over the whole picture, of 1, 1, 2, 4 and then 8
+//! samples per pixel: a picture exists after the first, and Ctrl-C, time and
+//! error limits act between them. A pass is cut into tiles that rayon hands
+//! out from the middle of the picture outwards. A tile sums its samples in
+//! f64 in a fixed order, and is then added to the film exactly; so the picture
+//! depends neither on the number of threads nor on the order of tiles.
+
+mod pass;
+mod replay;
+mod stats;
+
+pub use replay::{Replay, replay};
+pub use stats::{BadSamples, RenderStats, peak_memory_bytes};
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use cpu_time::ThreadTime;
+use rayon::prelude::*;
+
+use crate::desc::{Error, Result};
+use crate::film::{Film, LayerSet, Rect, Tile};
+use crate::integrator::{CameraSample, Counters, Integrator, NoRecord};
+use crate::scene::Scene;
+
+/// What to render and when to stop; it stops at the first limit reached.
+#[derive(Clone, Debug)]
+pub struct RenderOptions {
+    /// Samples per pixel.
+    pub samples_per_pixel: u64,
+    /// Wall-clock limit for rendering alone.
+    pub time: Option<Duration>,
+    /// Stop when the picture's relative error is at most this.
+    pub error: Option<f64>,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Threads; 0 is one per core.
+    pub threads: usize,
+    /// Layers beside colour.
+    pub layers: LayerSet,
+    /// The order in which tiles are begun.
+    pub order: TileOrder,
+}
+
+/// The order in which tiles are begun; it does not change the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TileOrder {
+    /// From the middle outwards: what matters shows early.
+    CentreOut,
+    /// Shuffled by a seed, for tests.
+    Shuffled(u64),
+}
+
+/// Why a render ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stopped {
+    /// All samples were taken.
+    Samples,
+    /// The time was up.
+    Time,
+    /// The error was reached.
+    Error,
+    /// The user asked.
+    Interrupted,
+}
+
+impl Stopped {
+    /// For messages and the header.
+    #[must_use]
+    pub fn reason(self) -> &'static str {
+        match self {
+            Stopped::Samples => "all samples taken",
+            Stopped::Time => "time limit reached",
+            Stopped::Error => "error limit reached",
+            Stopped::Interrupted => "interrupted",
+        }
+    }
+}
+
+/// Watches a render, and may stop it.
+pub trait Monitor: Sync {
+    /// Samples done of all that there will be at most, and the latest estimate
+    /// of the relative error. Called from worker threads.
+    fn progress(&self, done: u64, total: u64, error: Option<f64>);
+
+    /// True when the render should end after this pass.
+    fn stop(&self) -> bool;
+}
+
+/// Watches nothing.
+#[derive(Debug)]
+pub struct Quiet;
+
+impl Monitor for Quiet {
+    fn progress(&self, _done: u64, _total: u64, _error: Option<f64>) {}
+
+    fn stop(&self) -> bool {
+        false
+    }
+}
+
+/// A finished render.
+#[derive(Debug)]
+pub struct Rendered {
+    /// The film with all its sums.
+    pub film: Film,
+    /// What it took.
+    pub stats: RenderStats,
+}
+
+/// Renders a scene.
+///
+/// # Errors
+/// Zero samples, or threads that cannot be started.
+pub fn render(
+    scene: &Scene,
+    integrator: &Integrator,
+    options: &RenderOptions,
+    monitor: &dyn Monitor,
+) -> Result<Rendered> {
+    if options.samples_per_pixel == 0 {
+        return Err(Error::new("at least one sample per pixel is needed"));
+    }
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.threads)
+        .build()
+        .map_err(|e| Error::new(format!("cannot start {} threads: {e}", options.threads)))?;
+    pool.install(|| Job::new(scene, integrator, options, monitor).run())
+}
+
+struct Job<'a> {
+    scene: &'a Scene,
+    integrator: &'a Integrator,
+    options: &'a RenderOptions,
+    monitor: &'a dyn Monitor,
+    film: Film,
+    tiles: Vec<Rect>,
+    totals: Mutex<(Counters, BadSamples)>,
+    cpu_nanoseconds: AtomicU64,
+    done: AtomicU64,
+    total: u64,
+}
+
+impl<'a> Job<'a> {
+    fn new(
+        scene: &'a Scene,
+        integrator: &'a Integrator,
+        options: &'a RenderOptions,
+        monitor: &'a dyn Monitor,
+    ) -> Job<'a> {
+        let film = Film::new(scene.film.clone(), options.layers, integrator.radiance_scale(scene));
+        let mut tiles = film.tiles();
+        pass::order(&mut tiles, options.order);
+        let pixels: u64 = tiles.iter().map(Rect::pixels).sum();
+        Job {
+            scene,
+            integrator,
+            options,
+            monitor,
+            film,
+            tiles,
+            totals: Mutex::default(),
+            cpu_nanoseconds: AtomicU64::new(0),
+            done: AtomicU64::new(0),
+            total: pixels * options.samples_per_pixel,
+        }
+    }
+
+    fn run(self) -> Result<Rendered> {
+        let start = Instant::now();
+        let mut next = 0;
+        let mut error = None;
+        let stopped = loop {
+            let mut count = pass::size(next).min(self.options.samples_per_pixel - next);
+            if let Some(limit) = self.options.time
+                && next > 0
+            {
+                let each = start.elapsed().as_secs_f64() / next as f64;
+                let left = limit.as_secs_f64() - start.elapsed().as_secs_f64();
+                count = count.min((left / each) as u64);
+                if count == 0 {
+                    break Stopped::Time;
+                }
+            }
+            self.pass(next..next + count, error);
+            next += count;
+            if next >= pass::MIN_SAMPLES_FOR_ERROR && pass::checks_error(next) {
+                error = Some(self.film.relative_error());
+            }
+            if next >= self.options.samples_per_pixel {
+                break Stopped::Samples;
+            }
+            if self.monitor.stop() {
+                break Stopped::Interrupted;
+            }
+            if let (Some(limit), Some(reached)) = (self.options.error, error)
+                && reached <= limit
+            {
+                break Stopped::Error;
+            }
+        };
+        let wall = start.elapsed().as_secs_f64();
+        let (counters, mut bad) = self.totals.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+        bad.overflow = self.film.overflow_count();
+        let stats = RenderStats {
+            wall_seconds: wall,
+            cpu_seconds: self.cpu_nanoseconds.into_inner() as f64 * 1e-9,
+            threads: rayon::current_num_threads(),
+            samples_per_pixel: next,
+            samples: self.done.into_inner(),
+            counters,
+            bad,
+            relative_error: self.film.relative_error(),
+            stopped,
+        };
+        Ok(Rendered { film: self.film, stats })
+    }
+
+    /// Renders some samples of every pixel.
+    fn pass(&self, samples: std::ops::Range<u64>, error: Option<f64>) {
+        self.tiles.par_iter().with_max_len(1).for_each_init(
+            || None,
+            |buffer: &mut Option<Tile>, rect| {
+                let clock = ThreadTime::now();
+                let tile = match buffer {
+                    Some(tile) => {
+                        tile.reset(*rect);
+                        tile
+                    }
+                    None => buffer.insert(self.film.tile(*rect)),
+                };
+                let (counters, bad) = self.tile(tile, rect, samples.clone());
+                self.film.merge(tile);
+                if let Ok(mut totals) = self.totals.lock() {
+                    totals.0.add(&counters);
+                    totals.1.add(&bad);
+                }
+                let n = rect.pixels() * (samples.end - samples.start);
+                let done = self.done.fetch_add(n, Ordering::Relaxed) + n;
+                self.cpu_nanoseconds.fetch_add(clock.elapsed().as_nanos() as u64, Ordering::Relaxed);
+                self.monitor.progress(done, self.total, error);
+            },
+        );
+    }
+
+    fn tile(&self, tile: &mut Tile, rect: &Rect, samples: std::ops::Range<u64>) -> (Counters, BadSamples) {
+        let mut record = NoRecord::default();
+        let mut bad = BadSamples::default();
+        let layers = self.options.layers.first_hit();
+        for y in rect.y..rect.y + rect.height {
+            for x in rect.x..rect.x + rect.width {
+                for index in samples.clone() {
+                    let (mut camera, offset) = CameraSample::new(self.scene, self.options.seed, (x, y), index);
+                    camera.layers = layers;
+                    let sample = self.integrator.sample(self.scene, &camera, &mut record);
+                    if bad.check(&sample, (x, y), index) {
+                        tile.add((x, y), offset, index, &sample);
+                    }
+                }
+            }
+        }
+        (record.0, bad)
+    }
+}

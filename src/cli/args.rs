@@ -1,0 +1,235 @@
+//! The arguments of every command.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::film::LayerSet;
+use crate::integrator::IntegratorOptions;
+use crate::scene::BuildOptions;
+
+/// A path tracer that knows how wrong its picture is.
+#[derive(Debug, Parser)]
+#[command(name = "etendue", version, arg_required_else_help = true)]
+pub struct Etendue {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render a scene to an EXR file with its error, and a PNG to look at.
+    Render(RenderArgs),
+    /// Say what a scene needs and what is left out of it.
+    Explain(ExplainArgs),
+    /// Measure the difference of two images, and whether it is noise.
+    Compare(CompareArgs),
+    /// Print one path of a render, vertex by vertex.
+    Replay(ReplayArgs),
+}
+
+/// A scene and what goes over it.
+#[derive(Clone, Debug, Args)]
+pub struct SceneArgs {
+    /// Scene file (Mitsuba 3 XML).
+    pub scene: PathBuf,
+    /// Give a scene parameter (`$name` in the file) another value.
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_define)]
+    pub defines: Vec<(String, String)>,
+    /// Film size instead of the file's.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Render only this part of the film; in pixels.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
+    pub crop: Option<[u32; 4]>,
+    /// Integrator instead of the file's: path, direct, whitted, ao or depth.
+    #[arg(long, value_name = "NAME")]
+    pub integrator: Option<String>,
+    /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub max_depth: Option<i64>,
+    /// Accelerator: bvh2 or brute.
+    #[arg(long, value_name = "NAME")]
+    pub accel: Option<String>,
+}
+
+impl SceneArgs {
+    pub fn build_options(&self) -> BuildOptions {
+        BuildOptions { size: self.size, crop: self.crop, accel: self.accel.clone() }
+    }
+
+    pub fn integrator_options(&self) -> IntegratorOptions {
+        IntegratorOptions { name: self.integrator.clone(), max_depth: self.max_depth }
+    }
+}
+
+/// Arguments of `render`. It stops at the first of samples, time or error
+/// reached; Ctrl-C ends it after the current pass and writes what there is.
+#[derive(Clone, Debug, Args)]
+pub struct RenderArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Output: OUT.exr, or OUT.png for the preview alone.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Samples per pixel instead of the file's; with --time or --error and
+    /// without --spp there is no limit.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub spp: Option<u64>,
+    /// Stop after this many seconds of rendering.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
+    pub time: Option<f64>,
+    /// Stop at this relative error, e.g. 0.01.
+    #[arg(long, value_name = "REL", value_parser = parse_positive)]
+    pub error: Option<f64>,
+    /// Seed of all random numbers.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Threads; 0 is one per core.
+    #[arg(long, value_name = "T", default_value_t = 0)]
+    pub threads: usize,
+    /// Layers beside R, G, B, A and error: any of albedo, N, P, Z; or none, which also drops error.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub aov: Vec<Aov>,
+    /// Write R, G, B, A as 16-bit floats; too large values saturate, with a warning.
+    #[arg(long)]
+    pub half: bool,
+    /// Statistics as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub stats: Option<PathBuf>,
+    /// Tone-mapped preview. Written beside an EXR by its own name if no file is given.
+    #[arg(long, value_name = "FILE", num_args = 0..=1, require_equals = false)]
+    pub png: Option<Option<PathBuf>>,
+    /// Exposure of the preview, in stops.
+    #[arg(long, value_name = "EV", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub exposure: f32,
+    /// Tone curve of the preview.
+    #[arg(long, value_enum, default_value_t = Curve::Agx)]
+    pub tone: Curve,
+    /// Exit with 1 when any sample was NaN, infinite or negative.
+    #[arg(long)]
+    pub strict: bool,
+    /// Say nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Tone curves of the preview.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Curve {
+    /// Soft highlights that keep their hue.
+    Agx,
+    /// Plain sRGB: what is over one is white.
+    Srgb,
+}
+
+/// Layers beside colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Aov {
+    /// Share of light that the first surface scatters.
+    Albedo,
+    /// Shading normal, world space.
+    #[value(name = "N")]
+    Normal,
+    /// Position, world space.
+    #[value(name = "P")]
+    Position,
+    /// Distance to the nearest surface in the pixel; not filtered.
+    #[value(name = "Z")]
+    Depth,
+    /// Colour alone.
+    None,
+}
+
+impl RenderArgs {
+    pub fn layers(&self) -> LayerSet {
+        let has = |aov| self.aov.contains(&aov);
+        LayerSet {
+            alpha: true,
+            error: !has(Aov::None),
+            albedo: has(Aov::Albedo),
+            normal: has(Aov::Normal),
+            position: has(Aov::Position),
+            depth: has(Aov::Depth),
+        }
+    }
+}
+
+/// Arguments of `explain`.
+#[derive(Clone, Debug, Args)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `compare`.
+#[derive(Clone, Debug, Args)]
+pub struct CompareArgs {
+    /// The image to judge.
+    pub image: PathBuf,
+    /// The reference.
+    pub reference: PathBuf,
+    /// Variance of the reference's pixel means, for the z-test; the image's own
+    /// error layer is used too when it has one.
+    #[arg(long, value_name = "V.exr")]
+    pub variance: Option<PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `replay`.
+#[derive(Clone, Debug, Args)]
+pub struct ReplayArgs {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The pixel, from the top left.
+    #[arg(value_name = "X,Y", value_parser = parse_pixel)]
+    pub pixel: (i32, i32),
+    /// Which sample of it.
+    #[arg(long, value_name = "I", default_value_t = 0)]
+    pub sample: u64,
+    /// Seed of the render.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+}
+
+fn parse_define(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
+    Ok((name.to_owned(), value.to_owned()))
+}
+
+fn numbers<const N: usize>(text: &str, separator: char) -> Option<[u32; N]> {
+    let parts: Option<Vec<u32>> = text.split(separator).map(|s| s.trim().parse().ok()).collect();
+    parts?.try_into().ok()
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    match numbers::<2>(text, 'x') {
+        Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
+        _ => Err("expected WxH, for example 640x360".to_owned()),
+    }
+}
+
+fn parse_crop(text: &str) -> Result<[u32; 4], String> {
+    match numbers::<4>(text, ',') {
+        Some(crop) if crop[2] > 0 && crop[3] > 0 => Ok(crop),
+        _ => Err("expected X,Y,W,H, for example 10,20,64,64".to_owned()),
+    }
+}
+
+fn parse_pixel(text: &str) -> Result<(i32, i32), String> {
+    let [x, y] = numbers::<2>(text, ',').ok_or("expected X,Y, for example 12,34")?;
+    let to = |n| i32::try_from(n).map_err(|_| "too large".to_owned());
+    Ok((to(x)?, to(y)?))
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
+        _ => Err("expected a positive number".to_owned()),
+    }
+}

@@ -1,0 +1,91 @@
+//! `etendue explain` and `etendue replay`.
+
+use std::process::ExitCode;
+
+use super::args::{ExplainArgs, ReplayArgs};
+use super::load_scene;
+use crate::desc::{Error, Result};
+use crate::integrator::{Event, Integrator};
+use crate::math::{Rgb, Vec3};
+use crate::render::replay as replay_path;
+use crate::scene::Scene;
+
+/// Prints the plan of a scene.
+pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
+    let desc = load_scene(&args.scene)?;
+    let scene = Scene::build(&desc, &args.scene.build_options())?;
+    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    if args.json {
+        println!("{:#}", scene.plan.to_json());
+    } else {
+        let [width, height] = scene.film.size;
+        println!("{}", args.scene.scene.display());
+        println!("{width} × {height}, {} spp, integrator {}", scene.samples_per_pixel, integrator.name());
+        print!("{}", scene.plan);
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Prints one path.
+pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
+    let desc = load_scene(&args.scene)?;
+    let scene = Scene::build(&desc, &args.scene.build_options())?;
+    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let [width, height] = scene.film.size;
+    let (x, y) = args.pixel;
+    if x as u32 >= width || y as u32 >= height {
+        return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
+    }
+    let path = replay_path(&scene, &integrator, args.seed, args.pixel, args.sample);
+    let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();
+    println!(
+        "pixel {x},{y} sample {} seed {}: film position {:.6}, {:.6}",
+        args.sample,
+        args.seed,
+        x as f32 + path.offset.x,
+        y as f32 + path.offset.y
+    );
+    println!("camera ray from {} along {}", show(world(path.ray.origin)), show(path.ray.dir));
+    for event in &path.events {
+        match event {
+            Event::Vertex(v) => println!(
+                "vertex {}: p {} shape {} ng {} ns {} beta {}",
+                v.bounce,
+                show(world(v.p)),
+                v.shape,
+                show(v.ng),
+                show(v.ns),
+                show(v.beta)
+            ),
+            Event::Left { direction } => println!("left the scene along {}", show(*direction)),
+            Event::Hit { le, mis } => println!("  hit light: Le {} mis {mis:.6}", show(*le)),
+            Event::Light { wi, pdf, f, mis, contribution, occluded } => println!(
+                "  sampled light: wi {} pdf {pdf:.6e} f·cos {} mis {mis:.6} {} adds {}",
+                show(*wi),
+                show(*f),
+                if *occluded { "occluded" } else { "visible" },
+                show(*contribution)
+            ),
+            Event::Scatter { wi, weight, pdf, delta } => println!(
+                "  sampled {}: wi {} pdf {pdf:.6e} weight {}",
+                if *delta { "delta lobe" } else { "bsdf" },
+                show(*wi),
+                show(*weight)
+            ),
+            Event::Absorbed => println!("  absorbed"),
+            Event::Roulette { survival, survived } => {
+                println!("  roulette: survives with {survival:.6}, {}", if *survived { "did" } else { "did not" });
+            }
+        }
+    }
+    println!("radiance {}", show_rgb(path.sample.rgb));
+    Ok(ExitCode::SUCCESS)
+}
+
+fn show(v: Vec3) -> String {
+    format!("({:.6}, {:.6}, {:.6})", v.x, v.y, v.z)
+}
+
+fn show_rgb(c: Rgb) -> String {
+    format!("{:.6e} {:.6e} {:.6e}", c.x, c.y, c.z)
+}

@@ -1,0 +1,171 @@
+//! `etendue render`.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use super::args::{Curve, RenderArgs};
+use super::load_scene;
+use super::progress::Progress;
+use crate::desc::{Error, Result};
+use crate::film::Picture;
+use crate::integrator::Integrator;
+use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
+use crate::save::{self, ExrHeader, ExrOptions, Tone, ToneCurve};
+use crate::scene::Scene;
+
+/// Renders, and writes what was asked for.
+pub fn run(args: &RenderArgs) -> Result<ExitCode> {
+    let output = Output::new(args)?;
+    let clock = Instant::now();
+    let desc = load_scene(&args.scene)?;
+    let load = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let scene = Scene::build(&desc, &args.scene.build_options())?;
+    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let build = clock.elapsed().as_secs_f64();
+    let hash = desc.content_hash();
+    drop(desc);
+    let open_ended = args.spp.is_none() && (args.time.is_some() || args.error.is_some());
+    let options = RenderOptions {
+        samples_per_pixel: args.spp.unwrap_or(if open_ended { MOST_SAMPLES } else { scene.samples_per_pixel }),
+        time: args.time.map(Duration::from_secs_f64),
+        error: args.error,
+        seed: args.seed,
+        threads: args.threads,
+        layers: args.layers(),
+        order: TileOrder::CentreOut,
+    };
+    if !args.quiet {
+        describe(&scene, &integrator, &options, open_ended);
+    }
+    let progress = Progress::new(args.quiet, options.time, open_ended);
+    let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
+    progress.finish();
+    let header = header(&scene, &integrator, &stats, args.seed, hash);
+    let picture = film.resolve();
+    output.write(args, &picture, &header)?;
+    if let Some(path) = &args.stats {
+        let text = format!("{:#}\n", stats.to_json(&scene.plan, load, build));
+        save::write_file(path, text.as_bytes())?;
+    }
+    Ok(summarise(args, &stats))
+}
+
+/// As good as no limit.
+const MOST_SAMPLES: u64 = 1 << 40;
+
+/// Which files to write.
+struct Output {
+    exr: Option<PathBuf>,
+    png: Option<PathBuf>,
+}
+
+impl Output {
+    /// Checks the names before hours of work.
+    fn new(args: &RenderArgs) -> Result<Output> {
+        let extension = |p: &Path| p.extension().map(|e| e.to_string_lossy().to_lowercase());
+        let (exr, png) = match extension(&args.output).as_deref() {
+            Some("exr") => {
+                let beside = args.output.with_extension("png");
+                (Some(args.output.clone()), args.png.clone().map(|p| p.unwrap_or(beside)))
+            }
+            Some("png") => (None, Some(args.output.clone())),
+            _ => {
+                return Err(Error::new(format!("cannot write `{}`: unknown format", args.output.display()))
+                    .hint("name it *.exr or *.png"));
+            }
+        };
+        for path in [&exr, &png, &args.stats].into_iter().flatten() {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            if !folder.is_dir() {
+                let message = format!("cannot write `{}`: there is no folder `{}`", path.display(), folder.display());
+                return Err(Error::new(message));
+            }
+        }
+        Ok(Output { exr, png })
+    }
+
+    fn write(&self, args: &RenderArgs, picture: &Picture, header: &ExrHeader) -> Result<()> {
+        if let Some(path) = &self.exr {
+            let report = save::write_exr(path, picture, header, &ExrOptions { half: args.half })?;
+            if report.saturated > 0 {
+                eprintln!(
+                    "warning: {} values over 65504 were saturated by --half; write 32-bit floats to keep them",
+                    report.saturated
+                );
+            }
+            say(args, path);
+        }
+        if let Some(path) = &self.png {
+            let curve = match args.tone {
+                Curve::Agx => ToneCurve::Agx,
+                Curve::Srgb => ToneCurve::Srgb,
+            };
+            save::write_png(path, picture, &Tone { exposure: args.exposure, curve })?;
+            say(args, path);
+        }
+        Ok(())
+    }
+}
+
+fn say(args: &RenderArgs, path: &Path) {
+    if !args.quiet {
+        eprintln!("wrote {}", path.display());
+    }
+}
+
+fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, open_ended: bool) {
+    let [width, height] = scene.film.size;
+    let until = if open_ended { String::new() } else { format!(", {} spp", options.samples_per_pixel) };
+    eprintln!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
+    eprintln!(
+        "sampler: Owen-scrambled Sobol (the file says `{}`; its sample count is used)",
+        scene.plan.file_sampler
+    );
+}
+
+fn header(scene: &Scene, integrator: &Integrator, stats: &RenderStats, seed: u64, hash: u64) -> ExrHeader {
+    let text = |name: &str, value: String| (format!("etendue/{name}"), value);
+    ExrHeader {
+        world_to_camera: scene.camera.world_to_camera(),
+        world_to_ndc: scene.camera.world_to_ndc(),
+        attributes: vec![
+            text("version", env!("CARGO_PKG_VERSION").to_owned()),
+            text("sceneHash", format!("{hash:016x}")),
+            text("seed", seed.to_string()),
+            text("samples", stats.samples_per_pixel.to_string()),
+            text("stopped", stats.stopped.reason().to_owned()),
+            text("integrator", integrator.name().to_owned()),
+            text("plan", scene.plan.summary()),
+            text("bias", integrator.bias_ledger()),
+            text("relativeError", format!("{:.3e}", stats.relative_error)),
+            text("badSamples", stats.bad.summary()),
+        ],
+    }
+}
+
+fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
+    if !args.quiet {
+        eprintln!(
+            "{}: {} spp in {:.1} s, {:.2} M samples and {:.2} M rays per CPU second, relative error {:.2} %",
+            stats.stopped.reason(),
+            stats.samples_per_pixel,
+            stats.wall_seconds,
+            stats.samples as f64 / stats.cpu_seconds.max(1e-9) * 1e-6,
+            stats.counters.rays() as f64 / stats.cpu_seconds.max(1e-9) * 1e-6,
+            stats.relative_error * 100.0,
+        );
+    }
+    if stats.stopped == Stopped::Interrupted {
+        eprintln!("to go on from here, render again with more samples: the first {} are the same", stats.samples_per_pixel);
+    }
+    if stats.bad.total() == 0 {
+        return ExitCode::SUCCESS;
+    }
+    eprintln!("warning: samples left out: {}", stats.bad.summary());
+    for (x, y, index) in &stats.bad.located {
+        eprintln!("  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}", args.scene.scene.display(), args.seed);
+    }
+    if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}

@@ -1,0 +1,226 @@
+//! Unidirectional path tracing with next-event estimation.
+//!
+//! L = Σₖ βₖ Le(xₖ), estimated at every vertex by two strategies, sampling a
+//! light and sampling the bsdf, combined with the power heuristic (Veach 1997,
+//! section 9.2.4) in ratio form. Depth is counted as Mitsuba counts it: depth
+//! 1 is a light seen directly; passing through a `null` surface counts.
+//!
+//! Russian roulette (Arvo & Kirk 1990) survives with probability
+//! min(1, max(β)·η²) once `rr_depth` is reached: the weight of a survivor is
+//! bounded, η² undoes the radiance scaling inside a medium. Mitsuba's cap of
+//! 0.95 would make the variance infinite for albedos above 0.975.
+
+use super::{CameraSample, Event, Record, Vertex, empty_sample, first_hit, first_hit_layers, shadow_ray};
+use crate::film::PixelSample;
+use crate::math::{Ray, Rgb, Vec3};
+use crate::sampling::power_heuristic;
+use crate::scene::{Interaction, Scene};
+use crate::shape::SurfacePoint;
+
+/// The path tracer and its limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Path {
+    /// Longest path in Mitsuba's count; `u32::MAX` is no limit, 0 a black picture.
+    pub max_depth: u32,
+    /// Depth from which Russian roulette is played.
+    pub rr_depth: u32,
+    /// Lights are invisible to the camera.
+    pub hide_emitters: bool,
+}
+
+/// How the last direction was sampled: what MIS needs to know.
+struct Last {
+    p: Vec3,
+    pdf: f32,
+    delta: bool,
+}
+
+/// The state of a path between two vertices.
+struct State {
+    ray: Ray,
+    beta: Rgb,
+    eta: f32,
+    bounce: u32,
+    last: Last,
+}
+
+impl Path {
+    /// Estimates what one sample of one pixel sees.
+    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+        let mut out = empty_sample();
+        record.counters().paths += 1;
+        if self.max_depth == 0 {
+            return out;
+        }
+        let mut state = State {
+            ray: camera.ray,
+            beta: Rgb::ONE,
+            eta: 1.0,
+            bounce: 0,
+            last: Last { p: camera.ray.origin, pdf: 1.0, delta: true },
+        };
+        if scene.environment.is_some() && !self.hide_emitters {
+            out.alpha = 1.0;
+        }
+        let mut seen = false;
+        let mut found = first_hit(scene, &mut state.ray, self.hide_emitters, record);
+        loop {
+            let Some(surface) = found else {
+                record.event(|| Event::Left { direction: state.ray.dir });
+                if !(self.hide_emitters && state.bounce == 0) {
+                    out.rgb += self.environment(scene, &state, record);
+                }
+                return out;
+            };
+            record.event(|| vertex(&surface, &state));
+            if state.bounce == 0 {
+                first_hit_layers(&mut out, scene, camera, &surface);
+            }
+            out.rgb += self.hit_light(scene, &surface, &state, record);
+            let last_vertex = state.bounce + 1 >= self.max_depth;
+            if last_vertex {
+                if !seen && scene.light_of_shape(surface.shape).is_some() {
+                    out.alpha = 1.0;
+                }
+                return out;
+            }
+            let hit = scene.interact(surface, -state.ray.dir);
+            out.rgb += self.next_event(scene, camera, &hit, &state, record);
+            match self.scatter(camera, &hit, &mut state, record) {
+                Some(null) => {
+                    if !null && !seen {
+                        seen = true;
+                        out.alpha = 1.0;
+                    }
+                }
+                None => {
+                    if !seen {
+                        out.alpha = 1.0;
+                    }
+                    return out;
+                }
+            }
+            if !self.survive(camera, &mut state, record) {
+                return out;
+            }
+            record.counters().scatter_rays += 1;
+            found = scene.closest(&state.ray).map(|hit| scene.surface(&state.ray, &hit));
+        }
+    }
+
+    /// Light of the environment, weighed against having sampled it as a light.
+    fn environment<R: Record>(&self, scene: &Scene, state: &State, record: &mut R) -> Rgb {
+        let le = scene.environment(state.ray.dir);
+        if le == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let mis = if state.last.delta {
+            1.0
+        } else {
+            power_heuristic(state.last.pdf, scene.environment_pdf(state.ray.dir))
+        };
+        record.event(|| Event::Hit { le, mis });
+        state.beta * le * mis
+    }
+
+    /// Light emitted at the vertex, weighed against having sampled it as a light.
+    fn hit_light<R: Record>(&self, scene: &Scene, surface: &SurfacePoint, state: &State, record: &mut R) -> Rgb {
+        let le = scene.emitted(surface, -state.ray.dir);
+        if le == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let mis = if state.last.delta {
+            1.0
+        } else {
+            let distance_squared = (surface.p - state.last.p).length_squared();
+            let pdf = scene.light_pdf(state.last.p, surface, state.ray.dir, distance_squared);
+            power_heuristic(state.last.pdf, pdf)
+        };
+        record.event(|| Event::Hit { le, mis });
+        state.beta * le * mis
+    }
+
+    /// Next-event estimation: one light sample.
+    fn next_event<R: Record>(
+        &self,
+        scene: &Scene,
+        camera: &CameraSample,
+        hit: &Interaction,
+        state: &State,
+        record: &mut R,
+    ) -> Rgb {
+        if !hit.scatter.has_smooth() {
+            return Rgb::ZERO;
+        }
+        let (choice, u) = camera.light(scene, state.bounce);
+        let Some(light) = scene.sample_light(hit.surface.p, choice, u) else { return Rgb::ZERO };
+        let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
+        if f == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        let mis = if light.sample.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
+        let contribution = state.beta * f * light.sample.radiance * (mis / light.pdf);
+        if contribution == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        record.counters().shadow_rays += 1;
+        let occluded = scene.occluded(&shadow_ray(&hit.surface, &light.sample));
+        let contribution = if occluded { Rgb::ZERO } else { contribution };
+        record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
+        contribution
+    }
+
+    /// Samples the bsdf and moves on; `None` when absorbed, else whether the
+    /// path went straight through.
+    fn scatter<R: Record>(
+        &self,
+        camera: &CameraSample,
+        hit: &Interaction,
+        state: &mut State,
+        record: &mut R,
+    ) -> Option<bool> {
+        let (lobe, u) = camera.scatter(state.bounce);
+        let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else {
+            record.event(|| Event::Absorbed);
+            return None;
+        };
+        record.event(|| Event::Scatter {
+            wi: sample.wi,
+            weight: sample.weight,
+            pdf: sample.pdf,
+            delta: sample.delta,
+        });
+        state.beta *= sample.weight;
+        state.eta *= sample.eta;
+        state.ray = hit.surface.spawn(sample.wi, state.ray.time);
+        state.last = Last { p: hit.surface.p, pdf: sample.pdf, delta: sample.delta };
+        state.bounce += 1;
+        Some(sample.null)
+    }
+
+    /// Russian roulette; false when the path ends.
+    fn survive<R: Record>(&self, camera: &CameraSample, state: &mut State, record: &mut R) -> bool {
+        if state.bounce < self.rr_depth {
+            return true;
+        }
+        let survival = state.beta.max_element() * state.eta * state.eta;
+        if survival >= 1.0 {
+            return true;
+        }
+        let survived = camera.roulette(state.bounce) < survival;
+        record.event(|| Event::Roulette { survival, survived });
+        state.beta /= survival;
+        survived
+    }
+}
+
+fn vertex(surface: &SurfacePoint, state: &State) -> Event {
+    Event::Vertex(Vertex {
+        bounce: state.bounce,
+        p: surface.p,
+        ng: surface.ng,
+        ns: surface.ns,
+        shape: surface.shape,
+        beta: state.beta,
+    })
+}

@@ -1,0 +1,151 @@
+//! Whitted's ray tracing (1980): the core that the path tracer grew from.
+//!
+//! A tree of rays: at every hit light from each source, tested by one shadow
+//! ray (towards the middle of an area light), an ambient term that stands in
+//! for all indirect light, and, on mirrors and smooth glass, one reflected and
+//! one transmitted ray weighed by Fresnel's formula. A branch ends at
+//! `max_depth`, or when its weight falls under `cutoff`. It is not an estimate
+//! of the rendering equation: soft shadows, glossy reflections and indirect
+//! light are missing on purpose.
+
+use super::{CameraSample, Event, Record, Vertex, empty_sample, first_hit, first_hit_layers, shadow_ray};
+use crate::film::PixelSample;
+use crate::math::{Ray, Rgb, Vec2};
+use crate::scene::{Interaction, Scene};
+use crate::shape::SurfacePoint;
+
+/// The Whitted ray tracer and its limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Whitted {
+    /// Deepest ray tree; 1 sees lights only, 2 adds direct light.
+    pub max_depth: u32,
+    /// Radiance that arrives from everywhere; `None` is the mean of the
+    /// environment (0 without one).
+    pub ambient: Option<Rgb>,
+    /// Branches of less weight are cut.
+    pub cutoff: f32,
+    /// Lights are invisible to the camera.
+    pub hide_emitters: bool,
+}
+
+/// Random numbers that choose the two branches of a smooth dielectric: 0 is
+/// the reflected one, the largest number below one the transmitted one.
+const BRANCHES: [f32; 2] = [0.0, crate::math::ONE_MINUS_EPSILON];
+
+impl Whitted {
+    /// What one sample of one pixel sees.
+    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+        let mut out = empty_sample();
+        record.counters().paths += 1;
+        let mut ray = camera.ray;
+        match first_hit(scene, &mut ray, self.hide_emitters, record) {
+            Some(surface) => {
+                out.alpha = 1.0;
+                first_hit_layers(&mut out, scene, camera, &surface);
+                out.rgb = self.shade(scene, &surface, &ray, (Rgb::ONE, 0), record);
+            }
+            None if !self.hide_emitters => {
+                out.rgb = scene.environment(ray.dir);
+                out.alpha = if scene.environment.is_some() { 1.0 } else { 0.0 };
+            }
+            None => {}
+        }
+        out
+    }
+
+    fn ambient(&self, scene: &Scene) -> Rgb {
+        self.ambient.unwrap_or_else(|| {
+            scene.environment.map_or(Rgb::ZERO, |i| scene.lights[i as usize].mean_radiance())
+        })
+    }
+
+    /// Radiance that leaves a hit against `ray`; `beta` is the weight of the branch.
+    fn shade<R: Record>(
+        &self,
+        scene: &Scene,
+        surface: &SurfacePoint,
+        ray: &Ray,
+        (beta, bounce): (Rgb, u32),
+        record: &mut R,
+    ) -> Rgb {
+        record.event(|| {
+            let SurfacePoint { p, ng, ns, shape, .. } = *surface;
+            Event::Vertex(Vertex { bounce, p, ng, ns, shape, beta })
+        });
+        let mut radiance = scene.emitted(surface, -ray.dir);
+        if bounce + 1 >= self.max_depth {
+            return radiance;
+        }
+        let hit = scene.interact(*surface, -ray.dir);
+        if hit.scatter.has_smooth() {
+            radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
+            for index in 0..scene.lights.len() {
+                radiance += Self::light(scene, &hit, index, record);
+            }
+        }
+        radiance + self.branches(scene, &hit, (beta, bounce), record)
+    }
+
+    /// Light from one source, as if all of it came from its middle.
+    fn light<R: Record>(scene: &Scene, hit: &Interaction, index: usize, record: &mut R) -> Rgb {
+        let light = &scene.lights[index];
+        if light.is_environment() {
+            return Rgb::ZERO; // the ambient term stands for it
+        }
+        let Some(sample) = light.sample(&scene.geometry, hit.surface.p, Vec2::splat(0.5)) else {
+            return Rgb::ZERO;
+        };
+        let (f, _) = hit.scatter.eval_pdf(hit.wo, sample.wi);
+        let contribution = f * sample.radiance / sample.pdf;
+        if contribution == Rgb::ZERO {
+            return Rgb::ZERO;
+        }
+        record.counters().shadow_rays += 1;
+        let occluded = scene.occluded(&shadow_ray(&hit.surface, &sample));
+        let contribution = if occluded { Rgb::ZERO } else { contribution };
+        record.event(|| Event::Light { wi: sample.wi, pdf: sample.pdf, f, mis: 1.0, contribution, occluded });
+        contribution
+    }
+
+    /// Perfect reflection and refraction, both.
+    fn branches<R: Record>(
+        &self,
+        scene: &Scene,
+        hit: &Interaction,
+        (beta, bounce): (Rgb, u32),
+        record: &mut R,
+    ) -> Rgb {
+        let mut radiance = Rgb::ZERO;
+        for lobe in hit.scatter.lobes() {
+            let wo = lobe.frame.to_local(hit.wo);
+            let mut seen = None;
+            for choice in BRANCHES {
+                let Some(sample) = lobe.bsdf.sample(wo, choice, Vec2::splat(0.5)).filter(|s| s.delta) else {
+                    continue;
+                };
+                if seen == Some(sample.wi) {
+                    continue; // one branch only: a mirror, or total internal reflection
+                }
+                seen = Some(sample.wi);
+                // Both branches are followed: the choice's probability is put back.
+                let weight = sample.weight * sample.pdf * lobe.weight;
+                if (weight * beta).max_element() < self.cutoff {
+                    continue;
+                }
+                let wi = lobe.frame.to_world(sample.wi);
+                record.event(|| Event::Scatter { wi, weight, pdf: 1.0, delta: true });
+                let ray = hit.surface.spawn(wi, 0.0);
+                record.counters().scatter_rays += 1;
+                radiance += weight
+                    * match scene.closest(&ray) {
+                        Some(next) => {
+                            let surface = scene.surface(&ray, &next);
+                            self.shade(scene, &surface, &ray, (beta * weight, bounce + 1), record)
+                        }
+                        None => scene.environment(wi),
+                    };
+            }
+        }
+        radiance
+    }
+}

@@ -1,0 +1,174 @@
+//! The bsdfs of a hit: evaluated and sampled as one.
+//!
+//! f(wo, wi) = Σ wₖ fₖ(wo, wi). A lobe is chosen with probability wₖ; for
+//! smooth lobes the pdf of the direction is that of the mixture, Σ wₖ pₖ, and
+//! the weight f / p of the whole mixture, so that the choice adds no variance.
+
+use smallvec::SmallVec;
+
+use crate::bsdf::Bsdf;
+use crate::math::{Frame, Rgb, Vec2, Vec3};
+
+/// One bsdf in its frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Lobe<'a> {
+    /// Share of the material, in (0, 1]; also its selection probability.
+    pub weight: f32,
+    /// World to the bsdf's local frame.
+    pub frame: Frame,
+    /// Normal of the unperturbed frame and the squared roughness of the
+    /// shadowing term (0: none), when a map perturbed the frame.
+    pub perturbed: Option<(Vec3, f32)>,
+    /// What scatters.
+    pub bsdf: Bsdf<'a>,
+}
+
+/// The flattened material of a hit.
+#[derive(Clone, Debug, Default)]
+pub struct Scatter<'a> {
+    lobes: SmallVec<[Lobe<'a>; 1]>,
+}
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScatterSample {
+    /// Unit direction in world space, away from the surface.
+    pub wi: Vec3,
+    /// f·|cos θi| / pdf.
+    pub weight: Rgb,
+    /// Per solid angle; the discrete probability of a delta lobe.
+    pub pdf: f32,
+    /// A delta lobe was sampled.
+    pub delta: bool,
+    /// The light passed straight through.
+    pub null: bool,
+    /// η of the transmitted over the incident side; 1 for reflection.
+    pub eta: f32,
+}
+
+impl<'a> Lobe<'a> {
+    /// An unperturbed lobe.
+    #[must_use]
+    pub fn new(weight: f32, frame: Frame, bsdf: Bsdf<'a>) -> Lobe<'a> {
+        Lobe { weight, frame, perturbed: None, bsdf }
+    }
+
+    /// Light that a perturbed frame lets through from `wi`: 0 where `wi` is on
+    /// different sides of the two normals, else the microfacet shadowing of
+    /// Estevez, Lecocq & Stein 2019 (Ray Tracing Gems, chapter 12).
+    fn visibility(&self, wi: Vec3, cos_local: f32) -> f32 {
+        let Some((normal, alpha2)) = self.perturbed else { return 1.0 };
+        let cos = normal.dot(wi);
+        if !(cos * cos_local > 0.0) {
+            return 0.0;
+        }
+        let tan2 = (1.0 - cos * cos).max(0.0) / (cos * cos);
+        2.0 / (1.0 + (1.0 + alpha2 * tan2).sqrt())
+    }
+
+    fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        let local = self.frame.to_local(wi);
+        let visibility = self.visibility(wi, local.z);
+        if visibility == 0.0 {
+            return (Rgb::ZERO, 0.0);
+        }
+        let (f, pdf) = self.bsdf.eval_pdf(self.frame.to_local(wo), local);
+        (f * visibility, pdf)
+    }
+}
+
+impl<'a> Scatter<'a> {
+    /// Adds a lobe.
+    pub fn push(&mut self, lobe: Lobe<'a>) {
+        self.lobes.push(lobe);
+    }
+
+    /// The lobes.
+    #[must_use]
+    pub fn lobes(&self) -> &[Lobe<'a>] {
+        &self.lobes
+    }
+
+    /// True when some lobe is not a delta: a light can be connected to.
+    #[must_use]
+    pub fn has_smooth(&self) -> bool {
+        self.lobes.iter().any(|l| !l.bsdf.is_delta_only())
+    }
+
+    /// f·|cos θi| and the pdf per solid angle of `wi`, non-delta lobes only.
+    #[must_use]
+    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        if let [lobe] = self.lobes.as_slice() {
+            return lobe.eval_pdf(wo, wi);
+        }
+        self.lobes.iter().fold((Rgb::ZERO, 0.0), |(f, p), lobe| {
+            let (fl, pl) = lobe.eval_pdf(wo, wi);
+            (f + fl * lobe.weight, p + pl * lobe.weight)
+        })
+    }
+
+    /// Samples a direction; `None` when the light is absorbed.
+    #[must_use]
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<ScatterSample> {
+        let (lobe, u_lobe) = self.choose(u_lobe)?;
+        let sample = lobe.bsdf.sample(lobe.frame.to_local(wo), u_lobe, u)?;
+        let wi = lobe.frame.to_world(sample.wi);
+        let (mut weight, mut pdf) = (sample.weight, sample.pdf);
+        if sample.null {
+            // Straight through is not affected by a perturbed frame.
+            pdf *= lobe.weight;
+        } else {
+            let visibility = lobe.visibility(wi, sample.wi.z);
+            if visibility == 0.0 {
+                return None;
+            }
+            if self.lobes.len() == 1 {
+                weight *= visibility;
+            } else if sample.delta {
+                weight *= visibility;
+                pdf *= lobe.weight;
+            } else {
+                let (f, p) = self.eval_pdf(wo, wi);
+                (weight, pdf) = (f / p, p);
+            }
+        }
+        (weight.max_element() > 0.0 && weight.is_finite()).then_some(ScatterSample {
+            wi,
+            weight,
+            pdf,
+            delta: sample.delta,
+            null: sample.null,
+            eta: sample.eta,
+        })
+    }
+
+    /// The lobe that `u` falls on, and `u` stretched over it.
+    fn choose(&self, u: f32) -> Option<(&Lobe<'a>, f32)> {
+        if let [lobe] = self.lobes.as_slice() {
+            return Some((lobe, u));
+        }
+        let mut start = 0.0;
+        for (i, lobe) in self.lobes.iter().enumerate() {
+            if u < start + lobe.weight || i + 1 == self.lobes.len() {
+                let stretched = ((u - start) / lobe.weight).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
+                return Some((lobe, stretched));
+            }
+            start += lobe.weight;
+        }
+        None
+    }
+
+    /// An estimate of the share of light that is reflected or transmitted, for
+    /// the albedo layer.
+    #[must_use]
+    pub fn albedo(&self, wo: Vec3) -> Rgb {
+        self.lobes.iter().map(|l| l.bsdf.albedo(l.frame.to_local(wo)) * l.weight).sum()
+    }
+
+    /// The shading normal, on the side that the scattering happens, of the
+    /// heaviest lobe.
+    #[must_use]
+    pub fn normal(&self) -> Option<Vec3> {
+        self.lobes.iter().max_by(|a, b| a.weight.total_cmp(&b.weight)).map(|l| l.frame.n)
+    }
+}

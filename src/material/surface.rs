@@ -1,0 +1,203 @@
+//! The leaves of a material: one bsdf, its parameters read from textures.
+
+use crate::bsdf::{
+    Bsdf, Conductor, Dielectric, Diffuse, Distribution, Null, Plastic, RoughConductor, RoughDielectric,
+    RoughPlastic, RoughPlasticTable, ThinDielectric,
+};
+use crate::math::Vec2;
+use crate::texture::Texture;
+
+/// A bsdf with textured parameters.
+#[derive(Debug)]
+pub enum Surface {
+    /// `diffuse`.
+    Diffuse {
+        /// Share of light that is reflected.
+        reflectance: Texture,
+    },
+    /// `dielectric` and `thindielectric`.
+    Dielectric {
+        /// Interior over exterior index of refraction.
+        eta: f32,
+        /// Factor on reflection, 1 in nature.
+        reflectance: Texture,
+        /// Factor on transmission, 1 in nature.
+        transmittance: Texture,
+        /// A thin sheet instead of a solid.
+        thin: bool,
+    },
+    /// `roughdielectric`.
+    RoughDielectric {
+        /// Interior over exterior index of refraction.
+        eta: f32,
+        /// Factor on reflection, 1 in nature.
+        reflectance: Texture,
+        /// Factor on transmission, 1 in nature.
+        transmittance: Texture,
+        /// Roughness.
+        roughness: Roughness,
+    },
+    /// `conductor` (no roughness) and `roughconductor`.
+    Conductor {
+        /// Real part of the index of refraction.
+        eta: Texture,
+        /// Imaginary part.
+        k: Texture,
+        /// Factor on reflection, 1 in nature.
+        reflectance: Texture,
+        /// Roughness, if any.
+        roughness: Option<Roughness>,
+    },
+    /// `plastic` (no table) and `roughplastic`.
+    Plastic {
+        /// Interior over exterior index of refraction.
+        eta: f32,
+        /// Albedo of the base.
+        diffuse: Texture,
+        /// Factor on the specular reflection, 1 in nature.
+        specular: Texture,
+        /// Colour shifts from internal reflection are taken into account.
+        nonlinear: bool,
+        /// Lobe selection: mean specular over mean total.
+        specular_weight: f32,
+        /// Roughness tables, if it is rough.
+        table: Option<Box<RoughPlasticTable>>,
+    },
+    /// `null`: nothing there.
+    Null,
+}
+
+/// Microfacet roughness.
+#[derive(Debug)]
+pub struct Roughness {
+    /// Beckmann or GGX.
+    pub distribution: Distribution,
+    /// Roughness along ∂p/∂u.
+    pub alpha_u: Texture,
+    /// Roughness along ∂p/∂v; `None` when isotropic.
+    pub alpha_v: Option<Texture>,
+}
+
+impl Roughness {
+    fn at(&self, uv: Vec2) -> (f32, f32) {
+        let u = self.alpha_u.eval_scalar(uv);
+        (u, self.alpha_v.as_ref().map_or(u, |t| t.eval_scalar(uv)))
+    }
+}
+
+impl Surface {
+    /// The bsdf at texture coordinates `uv`.
+    pub fn at(&self, uv: Vec2) -> Bsdf<'_> {
+        match self {
+            Surface::Diffuse { reflectance } => Diffuse { reflectance: reflectance.eval(uv) }.into(),
+            Surface::Dielectric { eta, reflectance, transmittance, thin } => {
+                let (r, t) = (reflectance.eval(uv), transmittance.eval(uv));
+                if *thin {
+                    ThinDielectric { eta: *eta, specular_reflectance: r, specular_transmittance: t }.into()
+                } else {
+                    Dielectric { eta: *eta, specular_reflectance: r, specular_transmittance: t }.into()
+                }
+            }
+            Surface::RoughDielectric { eta, reflectance, transmittance, roughness } => {
+                let (alpha_u, alpha_v) = roughness.at(uv);
+                RoughDielectric {
+                    distribution: roughness.distribution,
+                    alpha_u,
+                    alpha_v,
+                    eta: *eta,
+                    specular_reflectance: reflectance.eval(uv),
+                    specular_transmittance: transmittance.eval(uv),
+                }
+                .into()
+            }
+            Surface::Conductor { eta, k, reflectance, roughness } => {
+                let (eta, k, specular_reflectance) = (eta.eval(uv), k.eval(uv), reflectance.eval(uv));
+                match roughness {
+                    None => Conductor { eta, k, specular_reflectance }.into(),
+                    Some(roughness) => {
+                        let (alpha_u, alpha_v) = roughness.at(uv);
+                        let distribution = roughness.distribution;
+                        RoughConductor { distribution, alpha_u, alpha_v, eta, k, specular_reflectance }.into()
+                    }
+                }
+            }
+            Surface::Plastic { eta, diffuse, specular, nonlinear, specular_weight, table } => {
+                let plastic = Plastic {
+                    eta: *eta,
+                    diffuse_reflectance: diffuse.eval(uv),
+                    specular_reflectance: specular.eval(uv),
+                    nonlinear: *nonlinear,
+                    specular_weight: *specular_weight,
+                };
+                match table {
+                    None => plastic.into(),
+                    Some(table) => RoughPlastic { plastic, table }.into(),
+                }
+            }
+            Surface::Null => Null.into(),
+        }
+    }
+
+    /// Scene-file name.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Surface::Diffuse { .. } => "diffuse",
+            Surface::Dielectric { thin: false, .. } => "dielectric",
+            Surface::Dielectric { thin: true, .. } => "thindielectric",
+            Surface::RoughDielectric { .. } => "roughdielectric",
+            Surface::Conductor { roughness: None, .. } => "conductor",
+            Surface::Conductor { .. } => "roughconductor",
+            Surface::Plastic { table: None, .. } => "plastic",
+            Surface::Plastic { .. } => "roughplastic",
+            Surface::Null => "null",
+        }
+    }
+
+    /// All its textures.
+    pub fn textures(&self) -> Vec<&Texture> {
+        match self {
+            Surface::Diffuse { reflectance } => vec![reflectance],
+            Surface::Dielectric { reflectance, transmittance, .. } => vec![reflectance, transmittance],
+            Surface::RoughDielectric { reflectance, transmittance, roughness, .. } => {
+                let mut all = vec![reflectance, transmittance, &roughness.alpha_u];
+                all.extend(&roughness.alpha_v);
+                all
+            }
+            Surface::Conductor { eta, k, reflectance, roughness } => {
+                let mut all = vec![eta, k, reflectance];
+                if let Some(roughness) = roughness {
+                    all.push(&roughness.alpha_u);
+                    all.extend(&roughness.alpha_v);
+                }
+                all
+            }
+            Surface::Plastic { diffuse, specular, .. } => vec![diffuse, specular],
+            Surface::Null => Vec::new(),
+        }
+    }
+
+    /// True when it depends on the direction of the tangent.
+    pub fn is_anisotropic(&self) -> bool {
+        match self {
+            Surface::RoughDielectric { roughness, .. } | Surface::Conductor { roughness: Some(roughness), .. } => {
+                roughness.alpha_v.is_some()
+            }
+            _ => false,
+        }
+    }
+
+    /// True when it has delta lobes only, wherever it is evaluated.
+    pub fn is_delta_only(&self) -> bool {
+        matches!(self, Surface::Dielectric { .. } | Surface::Conductor { roughness: None, .. } | Surface::Null)
+    }
+
+    /// True for `null`.
+    pub fn is_null(&self) -> bool {
+        matches!(self, Surface::Null)
+    }
+
+    /// True when light can pass through.
+    pub fn transmits(&self) -> bool {
+        matches!(self, Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Null)
+    }
+}

@@ -1,0 +1,66 @@
+//! Sizes of passes and orders of tiles.
+
+use super::TileOrder;
+use crate::film::Rect;
+
+/// Samples per pixel of the pass that begins at sample `next`. A function of
+/// the index alone: how often somebody looked at the clock must not change a
+/// picture's last bit.
+pub fn size(next: u64) -> u64 {
+    match next {
+        0 => 1,
+        1..8 => next,
+        _ => 8 - next % 8,
+    }
+}
+
+/// Fewer samples say nothing about the error.
+pub const MIN_SAMPLES_FOR_ERROR: u64 = 8;
+
+/// The error is estimated after these many samples: often at first, then every 16.
+pub fn checks_error(next: u64) -> bool {
+    next < 64 || next.is_multiple_of(16)
+}
+
+/// Sorts tiles into the order in which they are begun.
+pub fn order(tiles: &mut [Rect], order: TileOrder) {
+    match order {
+        TileOrder::CentreOut => {
+            let bounds = tiles.iter().fold((i32::MAX, i32::MAX, i32::MIN, i32::MIN), |b, t| {
+                (b.0.min(t.x), b.1.min(t.y), b.2.max(t.x + t.width), b.3.max(t.y + t.height))
+            });
+            let centre = (i64::from(bounds.0) + i64::from(bounds.2), i64::from(bounds.1) + i64::from(bounds.3));
+            tiles.sort_by_key(|t| {
+                let dx = i64::from(t.x) * 2 + i64::from(t.width) - centre.0;
+                let dy = i64::from(t.y) * 2 + i64::from(t.height) - centre.1;
+                (dx * dx + dy * dy, t.y, t.x)
+            });
+        }
+        TileOrder::Shuffled(seed) => {
+            // splitmix64 as a key: any order will do.
+            let key = |x: u64| {
+                let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+                let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+                x ^ (x >> 31)
+            };
+            tiles.sort_by_key(|t| key(seed ^ key(((t.x as u64) << 32) ^ t.y as u64)));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_end_on_powers_of_two_and_multiples_of_eight() {
+        let mut ends = Vec::new();
+        let mut next = 0;
+        while next < 40 {
+            next += size(next);
+            ends.push(next);
+        }
+        assert_eq!(ends, [1, 2, 4, 8, 16, 24, 32, 40]);
+        assert_eq!(size(13), 3);
+    }
+}

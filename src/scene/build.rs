@@ -1,0 +1,337 @@
+//! From a scene description to a [`Scene`].
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene};
+use crate::accel::Accel;
+use crate::camera::Camera;
+use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
+use crate::film::FilmSpec;
+use crate::light::{AreaLight, Light, area_radiance_from_desc, emitter_from_desc};
+use crate::material::{Material, MaterialBuilder};
+use crate::math::{DVec3, Transform};
+use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
+use crate::texture::Texture;
+
+/// Scene-file names of all shapes.
+const SHAPES: &[&str] = &["obj", "ply", "serialized", "rectangle", "cube", "sphere", "disk", "cylinder"];
+
+/// A light under construction: area lights need the finished geometry.
+enum Pending {
+    Ready(Light),
+    Area { shape: ShapeId, radiance: Texture, weight: f64, object: ObjectId },
+}
+
+struct Builder<'a> {
+    desc: &'a SceneDesc,
+    recentre: DVec3,
+    geometry: GeometryBuilder,
+    material_builder: MaterialBuilder,
+    materials: Vec<Arc<Material>>,
+    material_of_shape: Vec<u32>,
+    material_index: HashMap<*const Material, u32>,
+    pending: Vec<Pending>,
+    plan: Plan,
+}
+
+impl Scene {
+    /// Compiles a scene description.
+    ///
+    /// # Errors
+    /// Unknown plugins and parameters, values out of range and missing pieces,
+    /// each with file, line and column.
+    pub fn build(desc: &SceneDesc, options: &BuildOptions) -> Result<Scene> {
+        let root = desc.params(desc.root);
+        let sensor = one_sensor(&root)?;
+        let (film, samples_per_pixel, file_sampler) = read_sensor(desc, sensor, options)?;
+        let recentre = crate::camera::camera_position(desc, sensor)?;
+        let camera = Camera::from_desc(desc, sensor, &film.camera_film(), recentre)?;
+        let mut builder = Builder {
+            desc,
+            recentre,
+            geometry: GeometryBuilder::new(),
+            material_builder: MaterialBuilder::default(),
+            materials: Vec::new(),
+            material_of_shape: Vec::new(),
+            material_index: HashMap::new(),
+            pending: Vec::new(),
+            plan: Plan { lens: camera.needs_lens(), file_sampler, ..Plan::default() },
+        };
+        // Definitions are checked even when nothing uses them.
+        for (_, id) in root.children(Category::Bsdf) {
+            builder.material_builder.build(desc, id)?;
+        }
+        for (_, id) in root.children(Category::Texture) {
+            Texture::from_desc(desc, id, crate::texture::Usage::Unbounded)?;
+        }
+        for (_, id) in root.children(Category::Emitter) {
+            builder.emitter(id)?;
+        }
+        for (_, id) in root.children(Category::Shape) {
+            builder.shape(id)?;
+        }
+        root.children(Category::Integrator);
+        root.children(Category::Sensor);
+        if let Some((_, id)) = root.children(Category::Medium).first() {
+            return Err(no_media(desc, *id));
+        }
+        root.finish()?;
+        builder.finish(camera, film, samples_per_pixel, options)
+    }
+}
+
+fn no_media(desc: &SceneDesc, id: ObjectId) -> Error {
+    desc.error(desc.object(id).pos, "participating media are not supported")
+        .hint("surfaces with `dielectric` or `roughdielectric` are the nearest thing")
+}
+
+fn one_sensor(root: &Params) -> Result<ObjectId> {
+    match root.children(Category::Sensor).as_slice() {
+        [] => Err(root.error("the scene has no sensor").hint("add <sensor type=\"perspective\">")),
+        // The first one, as Mitsuba does.
+        [(_, first), ..] => Ok(*first),
+    }
+}
+
+/// Film, samples per pixel and sampler name of a sensor.
+fn read_sensor(desc: &SceneDesc, sensor: ObjectId, options: &BuildOptions) -> Result<(FilmSpec, u64, String)> {
+    let params = desc.params(sensor);
+    let mut film = match params.children(Category::Film).as_slice() {
+        [] => FilmSpec::default(),
+        [(_, id)] => FilmSpec::from_desc(desc, *id)?,
+        [_, (_, second), ..] => return Err(desc.error(desc.object(*second).pos, "a sensor has one film only")),
+    };
+    film.override_window(options.size, options.crop)?;
+    let (mut spp, mut name) = (4, "independent".to_owned());
+    if let Some((_, id)) = params.children(Category::Sampler).first() {
+        let sampler = desc.params(*id);
+        let count = sampler.int("sample_count", 4)?;
+        if count < 1 {
+            return Err(sampler.error_at("sample_count", format!("`sample_count` must be at least 1, found {count}")));
+        }
+        // Ours need no tuning and no seed from the file.
+        for known in ["seed", "jitter", "strength"] {
+            sampler.get(known);
+        }
+        name = desc.object(*id).plugin.clone();
+        spp = count as u64;
+        sampler.finish()?;
+    }
+    Ok((film, spp, name))
+}
+
+impl Builder<'_> {
+    fn emitter(&mut self, id: ObjectId) -> Result<()> {
+        let object = self.desc.object(id);
+        if object.plugin == "area" {
+            let message = "emitter `area` must stand inside a shape";
+            return Err(self.desc.error(object.pos, message).hint("`constant` lights the scene from everywhere"));
+        }
+        let light = emitter_from_desc(self.desc, id, self.recentre)?;
+        if light.is_environment() && self.pending.iter().any(|p| matches!(p, Pending::Ready(l) if l.is_environment()))
+        {
+            return Err(self.desc.error(object.pos, "a scene has one environment only; this is the second"));
+        }
+        self.pending.push(Pending::Ready(light));
+        Ok(())
+    }
+
+    fn shape(&mut self, id: ObjectId) -> Result<()> {
+        let desc = self.desc;
+        let params = desc.params(id);
+        let emitters = params.children(Category::Emitter);
+        let bsdfs = params.children(Category::Bsdf);
+        if let Some((_, medium)) = params.children(Category::Medium).first() {
+            return Err(no_media(desc, *medium));
+        }
+        if let [_, (_, second), ..] = bsdfs.as_slice() {
+            return Err(desc.error(desc.object(*second).pos, "a shape has one bsdf only"));
+        }
+        let material = match bsdfs.first() {
+            Some((_, bsdf)) => self.material_builder.build(desc, *bsdf)?,
+            None => Arc::new(Material::default_for(!emitters.is_empty())),
+        };
+        let radiance = match emitters.as_slice() {
+            [] => None,
+            [(_, emitter)] => Some(self.area(*emitter)?),
+            [_, (_, second), ..] => {
+                return Err(desc.error(desc.object(*second).pos, "a shape has one emitter only"));
+            }
+        };
+        let textured_light = radiance.as_ref().is_some_and(|(t, _)| t.is_constant().is_none());
+        let shape = self.geometry(&params, &material, textured_light)?;
+        params.finish()?;
+        let Some(shape) = shape else { return Ok(()) };
+        let index = self.material_id(material);
+        let slot = shape as usize;
+        if self.material_of_shape.len() <= slot {
+            self.material_of_shape.resize(slot + 1, 0);
+        }
+        self.material_of_shape[slot] = index;
+        if let Some((radiance, weight)) = radiance {
+            self.pending.push(Pending::Area { shape, radiance, weight, object: id });
+        }
+        Ok(())
+    }
+
+    fn area(&self, emitter: ObjectId) -> Result<(Texture, f64)> {
+        let object = self.desc.object(emitter);
+        if object.plugin != "area" {
+            let message = format!("emitter `{}` cannot stand inside a shape", object.plugin);
+            return Err(self.desc.error(object.pos, message).hint("only `area` can"));
+        }
+        area_radiance_from_desc(self.desc, emitter)
+    }
+
+    /// Adds the primitives of a shape; `None` when it has none.
+    fn geometry(&mut self, params: &Params, material: &Material, textured_light: bool) -> Result<Option<ShapeId>> {
+        let object = params.object();
+        let to_world = Transform::translate(-self.recentre).after(&params.transform("to_world")?);
+        let flip = params.bool("flip_normals", false)?;
+        let options = |face_normals| MeshOptions {
+            flip_normals: flip,
+            face_normals,
+            keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
+        };
+        let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
+        self.plan.shapes += 1;
+        let shape = match object.plugin.as_str() {
+            "obj" | "ply" | "serialized" => {
+                let options = options(params.bool("face_normals", false)?);
+                let mesh = params
+                    .mesh()
+                    .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", object.plugin)))?;
+                return self.mesh(mesh, &to_world, options).map_err(at);
+            }
+            "cube" => {
+                let options = options(params.bool("face_normals", false)?);
+                let (shape, _) = self.geometry.add_cube(&to_world, options).map_err(at)?;
+                return Ok(Some(shape));
+            }
+            "rectangle" => self.geometry.add_rectangle(&to_world, flip),
+            "disk" => self.geometry.add_disk(&to_world, flip),
+            "sphere" => {
+                let centre = params.vector_opt("center")?.unwrap_or(DVec3::ZERO);
+                let radius = params.float("radius", 1.0)?;
+                self.geometry.add_sphere(centre, radius, &to_world, flip)
+            }
+            "cylinder" => {
+                let p0 = params.vector_opt("p0")?.unwrap_or(DVec3::ZERO);
+                let p1 = params.vector_opt("p1")?.unwrap_or(DVec3::Z);
+                let radius = params.float("radius", 1.0)?;
+                self.geometry.add_cylinder([p0, p1], radius, &to_world, flip)
+            }
+            name => {
+                return Err(params.error(format!("unknown shape `{name}`")).suggest(name, SHAPES.iter().copied()));
+            }
+        };
+        shape.map(Some).map_err(at)
+    }
+
+    fn mesh(&mut self, mesh: &crate::desc::Mesh, to_world: &Transform, options: MeshOptions) -> Result<Option<ShapeId>> {
+        let keep_uvs = options.keep_uvs;
+        if mesh.triangles.is_empty() {
+            return Ok(None);
+        }
+        let (shape, report) = self.geometry.add_mesh(mesh, to_world, options)?;
+        self.plan.dropped_triangles += report.dropped;
+        self.plan.normal_meshes[usize::from(mesh.normals.is_empty())] += 1;
+        if !mesh.uvs.is_empty() {
+            self.plan.uv_meshes[usize::from(!keep_uvs)] += 1;
+            if !keep_uvs {
+                self.plan.saved_bytes += mesh.uvs.len() * size_of::<crate::math::Vec2>();
+            }
+        }
+        Ok(Some(shape))
+    }
+
+    fn material_id(&mut self, material: Arc<Material>) -> u32 {
+        let next = self.materials.len() as u32;
+        let index = *self.material_index.entry(Arc::as_ptr(&material)).or_insert(next);
+        if index == next {
+            self.materials.push(material);
+        }
+        index
+    }
+
+    fn finish(mut self, camera: Camera, film: FilmSpec, spp: u64, options: &BuildOptions) -> Result<Scene> {
+        let geometry = std::mem::take(&mut self.geometry).finish();
+        let accel = Accel::build_named(options.accel.as_deref(), &geometry)?;
+        let mut light_of_shape = vec![NO_LIGHT; geometry.shape_count()];
+        let (mut lights, mut weights) = (Vec::new(), Vec::new());
+        for pending in std::mem::take(&mut self.pending) {
+            let (light, weight) = match pending {
+                Pending::Ready(light) => {
+                    let weight = light.sampling_weight();
+                    (light, weight)
+                }
+                Pending::Area { shape, radiance, weight, object } => {
+                    let Some(sampler) = ShapeSampler::new(&geometry, shape) else {
+                        let pos = self.desc.object(object).pos;
+                        return Err(self.desc.error(pos, "this area light has no area"));
+                    };
+                    let light = AreaLight::new(sampler, radiance);
+                    if light.is_black() {
+                        self.plan.black_lights += 1;
+                        continue;
+                    }
+                    light_of_shape[shape as usize] = lights.len() as u32;
+                    (Light::Area(light), weight)
+                }
+            };
+            if light.is_black() {
+                self.plan.black_lights += 1;
+                continue;
+            }
+            lights.push(light);
+            weights.push(weight);
+        }
+        let (_, radius) = accel.bounds().bounding_sphere();
+        let power: Vec<f64> = lights.iter().map(|l| l.power(radius)).collect();
+        let selection = LightSelection::new(&power, &weights);
+        let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
+        self.finish_plan(&geometry, &accel, &lights, environment.is_some());
+        self.material_of_shape.resize(geometry.shape_count(), 0);
+        Ok(Scene {
+            geometry,
+            accel,
+            camera,
+            film,
+            samples_per_pixel: spp,
+            lights,
+            selection,
+            environment,
+            plan: self.plan,
+            recentre: self.recentre,
+            materials: self.materials,
+            material_of_shape: self.material_of_shape,
+            light_of_shape,
+        })
+    }
+
+    fn finish_plan(&mut self, geometry: &crate::shape::Geometry, accel: &Accel, lights: &[Light], environment: bool) {
+        let plan = &mut self.plan;
+        plan.triangles = geometry.triangle_count();
+        plan.analytic = geometry.prim_count() - plan.triangles;
+        plan.materials = self.materials.len();
+        for material in &self.materials {
+            plan.bsdfs.extend(material.kinds());
+            plan.texture_bytes += material.memory_bytes();
+        }
+        plan.bsdfs.sort_unstable();
+        plan.bsdfs.dedup();
+        plan.lights = lights.len();
+        plan.light_kinds = lights.iter().map(Light::name).collect();
+        plan.light_kinds.sort_unstable();
+        plan.light_kinds.dedup();
+        plan.environment = environment;
+        plan.delta_lights_only = lights.iter().all(Light::is_delta);
+        plan.alpha = self.materials.iter().any(|m| m.has_null());
+        plan.smooth_surfaces = self.materials.iter().any(|m| !m.is_delta_only());
+        plan.geometry_bytes = geometry.memory_bytes();
+        plan.accel_bytes = accel.memory_bytes();
+        plan.texture_bytes += lights.iter().map(Light::memory_bytes).sum::<usize>();
+        plan.accel = accel.name();
+    }
+}

@@ -1,0 +1,186 @@
+//! What a scene needs, and what was left out of it.
+
+use std::fmt;
+
+use serde_json::{Value, json};
+
+/// The facts of a scene and what follows from them. Printed by `etendue
+/// explain`, written to the EXR header and to the statistics.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// Primitives.
+    pub triangles: usize,
+    /// Spheres, disks, cylinders and rectangles.
+    pub analytic: usize,
+    /// Triangles dropped because they have no area.
+    pub dropped_triangles: usize,
+    /// Shapes in the file.
+    pub shapes: usize,
+    /// Distinct materials that some shape uses.
+    pub materials: usize,
+    /// Scene-file names of the bsdfs in use, sorted.
+    pub bsdfs: Vec<&'static str>,
+    /// Lights that can be sampled.
+    pub lights: usize,
+    /// Lights of no power, left out.
+    pub black_lights: usize,
+    /// Names of the light kinds in use, sorted.
+    pub light_kinds: Vec<&'static str>,
+    /// There is an environment.
+    pub environment: bool,
+    /// All lights are deltas: scattered rays never find one.
+    pub delta_lights_only: bool,
+    /// The camera has a lens of some size.
+    pub lens: bool,
+    /// Some light passes straight through some surface (mask, null).
+    pub alpha: bool,
+    /// Some surface can be connected to a light; otherwise shadow rays are left out.
+    pub smooth_surfaces: bool,
+    /// Meshes whose texture coordinates are kept, and whose were dropped.
+    pub uv_meshes: [usize; 2],
+    /// Meshes whose vertex normals are kept, and those without.
+    pub normal_meshes: [usize; 2],
+    /// Bytes of geometry.
+    pub geometry_bytes: usize,
+    /// Bytes of texture coordinates that were not kept.
+    pub saved_bytes: usize,
+    /// Bytes of the accelerator.
+    pub accel_bytes: usize,
+    /// Bytes of textures.
+    pub texture_bytes: usize,
+    /// Name of the accelerator.
+    pub accel: &'static str,
+    /// What the file calls its sampler; the sequence is ours.
+    pub file_sampler: String,
+}
+
+impl Plan {
+    /// Random dimensions of one path: (before the first vertex, per vertex).
+    #[must_use]
+    pub fn dimensions(&self) -> (u32, u32) {
+        let before = 2 + if self.lens { 2 } else { 0 };
+        let light = if self.smooth_surfaces && self.lights > 0 { 2 + u32::from(self.lights > 1) } else { 0 };
+        (before, light + 3 + 1)
+    }
+
+    /// One line for the file header: what there is.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        format!(
+            "accel {}; {} triangles, {} analytic; lights {} ({}); bsdfs {}; lens {}; alpha {}; motion none",
+            self.accel,
+            self.triangles,
+            self.analytic,
+            self.lights,
+            join(&self.light_kinds),
+            join(&self.bsdfs),
+            yes(self.lens),
+            yes(self.alpha),
+        )
+    }
+
+    /// What was left out, one reason each.
+    #[must_use]
+    pub fn left_out(&self) -> Vec<String> {
+        let mut out = vec!["motion: nothing moves; no keys, no time dimension".to_owned()];
+        let mut leave = |condition: bool, text: String| {
+            if condition {
+                out.push(text);
+            }
+        };
+        leave(!self.lens, "lens: a point aperture; 2 dimensions saved".into());
+        leave(self.lights <= 1, "light choice: at most one light; 1 dimension a vertex saved".into());
+        leave(self.lights == 0, "light sampling: there is no light to sample".into());
+        leave(!self.smooth_surfaces, "shadow rays: every surface is a mirror or smooth glass".into());
+        leave(self.delta_lights_only && self.lights > 0, "light hits: no light has an area; MIS is not needed".into());
+        leave(!self.environment, "environment: none; a ray that leaves is black".into());
+        leave(!self.alpha, "alpha: nothing is see-through".into());
+        leave(
+            self.uv_meshes[1] > 0,
+            format!(
+                "texture coordinates: no texture reads them on {} of {} meshes; {} saved",
+                self.uv_meshes[1],
+                self.uv_meshes[0] + self.uv_meshes[1],
+                bytes(self.saved_bytes)
+            ),
+        );
+        leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
+        leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
+        out.push("media: none; no transmittance is tracked".to_owned());
+        out
+    }
+}
+
+impl Plan {
+    /// The plan as JSON.
+    #[must_use]
+    pub fn to_json(&self) -> Value {
+        let (before, per_vertex) = self.dimensions();
+        json!({
+            "shapes": self.shapes,
+            "triangles": self.triangles,
+            "analytic": self.analytic,
+            "materials": self.materials,
+            "bsdfs": self.bsdfs,
+            "lights": self.lights,
+            "light_kinds": self.light_kinds,
+            "environment": self.environment,
+            "lens": self.lens,
+            "alpha": self.alpha,
+            "motion": false,
+            "accel": self.accel,
+            "file_sampler": self.file_sampler,
+            "sampler": "owen-scrambled sobol",
+            "dimensions": {"camera": before, "vertex": per_vertex},
+            "bytes": {
+                "geometry": self.geometry_bytes,
+                "accel": self.accel_bytes,
+                "textures": self.texture_bytes,
+                "saved": self.saved_bytes,
+            },
+            "left_out": self.left_out(),
+        })
+    }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "There is")?;
+        writeln!(f, "  shapes      {} ({} triangles, {} analytic)", self.shapes, self.triangles, self.analytic)?;
+        writeln!(f, "  materials   {} ({})", self.materials, join(&self.bsdfs))?;
+        writeln!(f, "  lights      {} ({})", self.lights, join(&self.light_kinds))?;
+        writeln!(f, "  sampler     Owen-scrambled Sobol (the file says `{}`; its sample count is used)", self.file_sampler)?;
+        let (before, per_vertex) = self.dimensions();
+        writeln!(f, "  dimensions  {before} for the camera, at most {per_vertex} a vertex")?;
+        writeln!(
+            f,
+            "  memory      geometry {}, accelerator {} ({}), textures {}",
+            bytes(self.geometry_bytes),
+            bytes(self.accel_bytes),
+            self.accel,
+            bytes(self.texture_bytes)
+        )?;
+        writeln!(f, "Left out")?;
+        for line in self.left_out() {
+            writeln!(f, "  {line}")?;
+        }
+        Ok(())
+    }
+}
+
+fn yes(condition: bool) -> &'static str {
+    if condition { "yes" } else { "no" }
+}
+
+fn join(names: &[&str]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(" ") }
+}
+
+/// A size for people.
+fn bytes(n: usize) -> String {
+    match n {
+        0..1024 => format!("{n} B"),
+        1024..1_048_576 => format!("{:.1} KiB", n as f64 / 1024.0),
+        _ => format!("{:.1} MiB", n as f64 / 1_048_576.0),
+    }
+}
