@@ -1,1 +1,28 @@
-//! Room `film`.
+//! Pixel sums, half sums and layers.
+//!
+//! A pass renders tiles: each [`Tile`] weighs samples into all pixels that the
+//! reconstruction [`Filter`] covers, in f64 and in a fixed order. Then
+//! [`Film::merge`] rounds each of its sums once to fixed point and adds it to
+//! the film. Integer addition is associative, so that the film has the same
+//! bits for every number of threads and order of tiles; and it does not drift:
+//! a constant pixel keeps its value at any number of samples.
+//!
+//! A pixel is Σ w·L / Σ w over all samples within the filter's reach,
+//! separately in two interleaved halves of the sample set (see
+//! [`crate::sampling::half_of`]), whose difference tells the error of the
+//! pixel ([`Film::relative_error`], layer `error`).
+
+mod estimate;
+mod filter;
+mod layers;
+mod rect;
+mod spec;
+mod sums;
+mod tile;
+
+pub use filter::Filter;
+pub use layers::{LayerSet, PixelSample};
+pub use rect::Rect;
+pub use spec::FilmSpec;
+pub use sums::{Channel, Film, Picture, TILE_SIZE};
+pub use tile::Tile;

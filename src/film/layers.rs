@@ -1,0 +1,122 @@
+//! What a sample carries and which of it the film keeps.
+
+use crate::math::{Rgb, Vec3};
+
+/// Which layers a film keeps beside R, G, B. What is off costs nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LayerSet {
+    /// `A`: coverage, filtered.
+    pub alpha: bool,
+    /// `albedo.R/G/B`, filtered.
+    pub albedo: bool,
+    /// `N.X/Y/Z`, filtered.
+    pub normal: bool,
+    /// `P.X/Y/Z`, filtered.
+    pub position: bool,
+    /// `Z`: the closest of the samples in the pixel, not filtered; infinite
+    /// where nothing was hit.
+    pub depth: bool,
+    /// `error.R/G/B`: standard error of the mean.
+    pub error: bool,
+}
+
+impl LayerSet {
+    /// All layers.
+    pub const ALL: LayerSet =
+        LayerSet { alpha: true, albedo: true, normal: true, position: true, depth: true, error: true };
+}
+
+/// One camera sample. Everything but `depth` must be finite, and `rgb` must
+/// not be negative: whoever traces it counts and drops the others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PixelSample {
+    /// Radiance.
+    pub rgb: Rgb,
+    /// Coverage: 0 where the ray left the scene.
+    pub alpha: f32,
+    /// Reflectance of the first surface; 0 where there is none.
+    pub albedo: Rgb,
+    /// Shading normal of the first surface; 0 where there is none.
+    pub normal: Vec3,
+    /// Position of the first surface; 0 where there is none.
+    pub position: Vec3,
+    /// Distance of the first surface; infinite where there is none.
+    pub depth: f32,
+}
+
+impl Default for PixelSample {
+    /// A black sample that hit nothing.
+    fn default() -> Self {
+        PixelSample {
+            rgb: Rgb::ZERO,
+            alpha: 0.0,
+            albedo: Rgb::ZERO,
+            normal: Vec3::ZERO,
+            position: Vec3::ZERO,
+            depth: f32::INFINITY,
+        }
+    }
+}
+
+impl PixelSample {
+    /// True when every summed value is finite and the radiance not negative.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        self.rgb.is_finite()
+            && self.rgb.min_element() >= 0.0
+            && self.alpha.is_finite()
+            && self.albedo.is_finite()
+            && self.normal.is_finite()
+            && self.position.is_finite()
+            && !self.depth.is_nan()
+    }
+}
+
+/// Values summed per half: the weight, then weighted R, G, B.
+pub(super) const PER_HALF: usize = 4;
+
+/// Most values in one pixel.
+pub(super) const MAX_STRIDE: usize = 2 * PER_HALF + 10;
+
+/// Where the sums of a pixel lie: two halves, then the other layers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub stride: usize,
+    pub alpha: Option<usize>,
+    pub albedo: Option<usize>,
+    pub normal: Option<usize>,
+    pub position: Option<usize>,
+}
+
+impl Layout {
+    pub fn new(layers: LayerSet) -> Layout {
+        let mut stride = 2 * PER_HALF;
+        let mut take = |wanted: bool, count: usize| {
+            let at = stride;
+            wanted.then(|| stride += count).map(|()| at)
+        };
+        let alpha = take(layers.alpha, 1);
+        let albedo = take(layers.albedo, 3);
+        let normal = take(layers.normal, 3);
+        let position = take(layers.position, 3);
+        Layout { stride, alpha, albedo, normal, position }
+    }
+
+    /// The values of a sample beyond the two halves, in order; positions are
+    /// held to ± `limit`.
+    pub fn extras(&self, sample: &PixelSample, limit: f32) -> ([f64; MAX_STRIDE], usize) {
+        let mut out = [0.0; MAX_STRIDE];
+        let mut put = |at: Option<usize>, values: &[f32]| {
+            if let Some(at) = at {
+                for (k, v) in values.iter().enumerate() {
+                    out[at - 2 * PER_HALF + k] = f64::from(*v);
+                }
+            }
+        };
+        put(self.alpha, &[sample.alpha]);
+        put(self.albedo, &sample.albedo.to_array());
+        put(self.normal, &sample.normal.to_array());
+        put(self.position, &sample.position.clamp(Vec3::splat(-limit), Vec3::splat(limit)).to_array());
+        (out, self.stride - 2 * PER_HALF)
+    }
+}

@@ -1,0 +1,142 @@
+//! The sums of one pass over one tile.
+
+use super::filter::{Filter, MAX_TAPS, Taps};
+use super::layers::{Layout, PER_HALF, PixelSample};
+use super::rect::Rect;
+use crate::math::Vec2;
+use crate::sampling::half_of;
+
+/// Sums of weighted samples, in f64, over the pixels of a tile and those
+/// around it that its samples reach. Made by [`super::Film::tile`], reused by
+/// [`Tile::reset`], one per thread.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    rect: Rect,
+    pub(super) area: Rect,
+    crop: Rect,
+    filter: Filter,
+    pub(super) layout: Layout,
+    keep_depth: bool,
+    limits: Limits,
+    pub(super) sums: Vec<f64>,
+    pub(super) depth: Vec<f32>,
+    pub(super) overflow: u64,
+    /// Room for the weights of one sample along x and y.
+    scratch: [[f64; MAX_TAPS]; 2],
+}
+
+/// Largest values a sample may have, so that sums stay in range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Limits {
+    pub radiance: f32,
+    pub position: f32,
+}
+
+impl Tile {
+    pub(super) fn new(
+        rect: Rect,
+        crop: Rect,
+        filter: Filter,
+        layout: Layout,
+        keep_depth: bool,
+        limits: Limits,
+    ) -> Tile {
+        let mut tile = Tile {
+            rect,
+            area: Rect::default(),
+            crop,
+            filter,
+            layout,
+            keep_depth,
+            limits,
+            sums: Vec::new(),
+            depth: Vec::new(),
+            overflow: 0,
+            scratch: [[0.0; MAX_TAPS]; 2],
+        };
+        tile.reset(rect);
+        tile
+    }
+
+    /// Empties the tile and moves it to other pixels.
+    pub fn reset(&mut self, rect: Rect) {
+        self.rect = rect;
+        self.area = rect.grow(self.filter.reach()).intersect(&self.crop);
+        self.overflow = 0;
+        self.sums.clear();
+        self.sums.resize(self.area.area() * self.layout.stride, 0.0);
+        self.depth.clear();
+        if self.keep_depth {
+            self.depth.resize(self.area.area(), f32::INFINITY);
+        }
+    }
+
+    /// The pixels to sample.
+    #[must_use]
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    /// Samples left out because their radiance was beyond what the film can
+    /// sum (2^48 times its scale, or not a number).
+    #[must_use]
+    pub fn overflow(&self) -> u64 {
+        self.overflow
+    }
+
+    /// Adds sample `index` of `pixel`, taken at `offset` in [0, 1)² from the
+    /// pixel's upper left corner, to all pixels that the filter reaches.
+    ///
+    /// The order of calls is the order of the sums: the caller keeps it fixed.
+    pub fn add(&mut self, pixel: (i32, i32), offset: Vec2, index: u64, sample: &PixelSample) {
+        debug_assert!(sample.is_valid(), "{sample:?} at pixel {pixel:?}, sample {index}");
+        debug_assert!(self.rect.contains(pixel), "pixel {pixel:?} outside {:?}", self.rect);
+        // So written that NaN fails.
+        if !(sample.rgb.abs().cmple(crate::math::Vec3::splat(self.limits.radiance)).all()) {
+            self.overflow += 1;
+            return;
+        }
+        if self.keep_depth && self.area.contains(pixel) {
+            let depth = &mut self.depth[self.area.index(pixel)];
+            *depth = depth.min(sample.depth);
+        }
+
+        let [scratch_x, scratch_y] = &mut self.scratch;
+        let (columns, rows) = (self.filter.taps(offset.x, scratch_x), self.filter.taps(offset.y, scratch_y));
+        let Some((x0, wx)) = clip(&columns, pixel.0, self.area.min.0, self.area.max.0) else { return };
+        let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return };
+        let half = half_of(index) * PER_HALF;
+        let rgb = sample.rgb.as_dvec3();
+        let (extras, count) = self.layout.extras(sample, self.limits.position);
+        let stride = self.layout.stride;
+        for (row, wy) in wy.iter().enumerate() {
+            let first = self.area.index((x0, y0 + row as i32)) * stride;
+            let cells = self.sums[first..first + wx.len() * stride].chunks_exact_mut(stride);
+            for (cell, wx) in cells.zip(wx) {
+                splat(cell, wx * wy, half, rgb.to_array(), &extras[..count]);
+            }
+        }
+    }
+}
+
+/// Adds weighted values to the sums of one pixel.
+#[inline(always)]
+fn splat(cell: &mut [f64], weight: f64, half: usize, rgb: [f64; 3], extras: &[f64]) {
+    let sums = &mut cell[half..half + PER_HALF];
+    sums[0] += weight;
+    sums[1] += weight * rgb[0];
+    sums[2] += weight * rgb[1];
+    sums[3] += weight * rgb[2];
+    for (sum, value) in cell[2 * PER_HALF..].iter_mut().zip(extras) {
+        *sum += weight * value;
+    }
+}
+
+/// The part of the taps around pixel `own` that falls into `min..max`: its
+/// first pixel and the weights.
+fn clip<'a>(taps: &Taps<'a>, own: i32, min: i32, max: i32) -> Option<(i32, &'a [f64])> {
+    let start = own + taps.first;
+    let end = start + taps.weights.len() as i32;
+    let (from, to) = (start.max(min), end.min(max));
+    (from < to).then(|| (from, &taps.weights[(from - start) as usize..(to - start) as usize]))
+}
