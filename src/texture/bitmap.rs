@@ -1,0 +1,179 @@
+//! An image as a texture: nearest or bilinear lookup, three ways to wrap.
+//!
+//! Conventions of Mitsuba 3.9: texel (x, y) covers \[x/w, (x+1)/w\] ×
+//! \[y/h, (y+1)/h\] of (u, v) and has its value at the centre; row 0 is v = 0.
+//! (What a mesh file calls v is turned over by its reader where Mitsuba does.)
+//! Mitsuba stores images of 16 bits and fewer in half precision unless told
+//! otherwise; texels here keep the precision of the file, 2⁻¹¹ nearer to it.
+
+use std::sync::Arc;
+
+use super::texels::Texels;
+use super::{UvMap, example_image, scalar};
+use crate::desc::{Image, Result};
+use crate::math::{Rgb, Transform, Vec2};
+
+/// How a bitmap is looked up between texel centres.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilterType {
+    /// The nearest texel.
+    Nearest,
+    /// Linear between the four nearest texels.
+    Bilinear,
+}
+
+/// What a bitmap shows outside \[0, 1\]².
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WrapMode {
+    /// Itself, over and over.
+    Repeat,
+    /// Itself, every other time mirrored.
+    Mirror,
+    /// Its border texels.
+    Clamp,
+}
+
+/// An image over (u, v).
+///
+/// | parameter | default | meaning |
+/// |-|-|-|
+/// | `filename` | required | the image |
+/// | `filter_type` | `bilinear` | `bilinear` or `nearest` |
+/// | `wrap_mode` | `repeat` | `repeat`, `mirror` or `clamp` |
+/// | `raw` | `false` | take integer samples as they are, not as sRGB; `true` for normal maps |
+/// | `to_uv` | identity | affine map applied to (u, v) first |
+/// | `format` | `auto` | storage in Mitsuba: `auto`, `variant`, `fp16`; no effect here |
+/// | `accel` | `true` | texture units in Mitsuba's CUDA mode; no effect here |
+#[derive(Clone, Debug)]
+pub struct Bitmap {
+    texels: Texels,
+    filter_type: FilterType,
+    wrap_mode: WrapMode,
+    to_uv: UvMap,
+    mean: Rgb,
+    max: f32,
+    uniform: Option<Rgb>,
+}
+
+/// How to read an image: everything of a bitmap but the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lookup {
+    pub filter_type: FilterType,
+    pub wrap_mode: WrapMode,
+    pub to_uv: Transform,
+    pub raw: bool,
+}
+
+/// The four texels around a point and where it lies among them.
+struct Corners {
+    /// Values at (0,0), (1,0), (0,1), (1,1) of the cell.
+    values: [Rgb; 4],
+    /// Position in the cell, each in \[0, 1\].
+    w: Vec2,
+}
+
+impl Bitmap {
+    /// Fails on an image that is no texture, or has a texel that is not finite
+    /// or below `least`.
+    pub(super) fn new(image: Arc<Image>, lookup: &Lookup, least: f32) -> Result<Bitmap> {
+        let texels = Texels::new(image, lookup.raw)?;
+        texels.check(least)?;
+        let summary = texels.summary();
+        Ok(Bitmap {
+            texels,
+            filter_type: lookup.filter_type,
+            wrap_mode: lookup.wrap_mode,
+            to_uv: UvMap::new(&lookup.to_uv),
+            mean: summary.mean,
+            max: summary.max,
+            uniform: summary.uniform,
+        })
+    }
+
+    pub(super) fn example(width: u32, height: u32, channels: u32) -> Bitmap {
+        let lookup = Lookup {
+            filter_type: FilterType::Bilinear,
+            wrap_mode: WrapMode::Repeat,
+            to_uv: Transform::IDENTITY,
+            raw: false,
+        };
+        Bitmap::new(example_image(width, height, channels), &lookup, 0.0).expect("the example is an image")
+    }
+
+    pub(super) fn eval(&self, uv: Vec2) -> Rgb {
+        let uv = self.to_uv.map(uv);
+        match self.filter_type {
+            FilterType::Nearest => {
+                let p = (uv * self.resolution()).floor();
+                self.texels.rgb(
+                    self.wrap(p.x as i64, self.texels.width()),
+                    self.wrap(p.y as i64, self.texels.height()),
+                )
+            }
+            FilterType::Bilinear => {
+                let Corners { values: [v00, v10, v01, v11], w } = self.corners(uv);
+                (v00 * (1.0 - w.x) + v10 * w.x) * (1.0 - w.y) + (v01 * (1.0 - w.x) + v11 * w.x) * w.y
+            }
+        }
+    }
+
+    pub(super) fn eval_scalar(&self, uv: Vec2) -> f32 {
+        scalar(self.eval(uv))
+    }
+
+    pub(super) fn gradient(&self, uv: Vec2) -> (f32, f32) {
+        if self.filter_type == FilterType::Nearest {
+            return (0.0, 0.0);
+        }
+        let Corners { values, w } = self.corners(self.to_uv.map(uv));
+        let [f00, f10, f01, f11] = values.map(scalar);
+        let per_texel = Vec2::new(
+            (1.0 - w.y) * (f10 - f00) + w.y * (f11 - f01),
+            (1.0 - w.x) * (f01 - f00) + w.x * (f11 - f10),
+        );
+        self.to_uv.pull_back(per_texel * self.resolution())
+    }
+
+    pub(super) fn mean(&self) -> Rgb {
+        self.mean
+    }
+
+    pub(super) fn max(&self) -> f32 {
+        self.max
+    }
+
+    pub(super) fn is_constant(&self) -> Option<Rgb> {
+        self.uniform
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        self.texels.memory_bytes()
+    }
+
+    fn resolution(&self) -> Vec2 {
+        Vec2::new(self.texels.width() as f32, self.texels.height() as f32)
+    }
+
+    fn corners(&self, uv: Vec2) -> Corners {
+        let p = uv * self.resolution() - Vec2::splat(0.5);
+        let cell = p.floor();
+        let (x, y) = (cell.x as i64, cell.y as i64);
+        let xs = [x, x.saturating_add(1)].map(|x| self.wrap(x, self.texels.width()));
+        let ys = [y, y.saturating_add(1)].map(|y| self.wrap(y, self.texels.height()));
+        let at = |i: usize, j: usize| self.texels.rgb(xs[i], ys[j]);
+        Corners { values: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], w: p - cell }
+    }
+
+    fn wrap(&self, i: i64, size: u32) -> u32 {
+        let n = i64::from(size);
+        let wrapped = match self.wrap_mode {
+            WrapMode::Repeat => i.rem_euclid(n),
+            WrapMode::Clamp => i.clamp(0, n - 1),
+            WrapMode::Mirror => {
+                let m = i.rem_euclid(2 * n);
+                m.min(2 * n - 1 - m)
+            }
+        };
+        wrapped as u32
+    }
+}

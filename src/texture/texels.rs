@@ -1,0 +1,170 @@
+//! Reads the texels of a decoded image as linear RGB, without copying it.
+//!
+//! 8 and 16 bit samples are decoded by table (sRGB, IEC 61966-2-1, or plain
+//! division when raw); floats are linear as they stand. Alpha is dropped, not
+//! multiplied in, as Mitsuba does.
+
+use std::sync::{Arc, LazyLock};
+
+use crate::color::srgb_to_linear;
+use crate::desc::{Error, Image, Pixels, Result};
+use crate::math::{DVec3, Rgb};
+
+static SRGB_8: LazyLock<Vec<f32>> = LazyLock::new(|| table(u8::MAX.into(), srgb_to_linear));
+static SRGB_16: LazyLock<Vec<f32>> = LazyLock::new(|| table(u16::MAX.into(), srgb_to_linear));
+static RAW_8: LazyLock<Vec<f32>> = LazyLock::new(|| table(u8::MAX.into(), |x| x));
+static RAW_16: LazyLock<Vec<f32>> = LazyLock::new(|| table(u16::MAX.into(), |x| x));
+
+fn table(max: u32, decode: impl Fn(f32) -> f32) -> Vec<f32> {
+    (0..=max).map(|i| decode(i as f32 / max as f32)).collect()
+}
+
+/// An image as linear RGB texels; row 0 is the top row.
+#[derive(Clone, Debug)]
+pub struct Texels {
+    image: Arc<Image>,
+    decode: &'static [f32],
+}
+
+/// What a pass over all texels finds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Summary {
+    /// Mean colour.
+    pub mean: Rgb,
+    /// Largest channel.
+    pub max: f32,
+    /// The colour of all texels, when they are all equal.
+    pub uniform: Option<Rgb>,
+}
+
+impl Texels {
+    /// Views `image`; integer samples are decoded from sRGB unless `raw`.
+    /// Fails on an image without pixels or of an unknown number of channels.
+    pub fn new(image: Arc<Image>, raw: bool) -> Result<Texels> {
+        let decode: &'static [f32] = match (&image.pixels, raw) {
+            (Pixels::U8(_), false) => &SRGB_8,
+            (Pixels::U8(_), true) => &RAW_8,
+            (Pixels::U16(_), false) => &SRGB_16,
+            (Pixels::U16(_), true) => &RAW_16,
+            (Pixels::F32(_), _) => &[],
+        };
+        let samples = match &image.pixels {
+            Pixels::U8(v) => v.len(),
+            Pixels::U16(v) => v.len(),
+            Pixels::F32(v) => v.len(),
+        };
+        let Image { width, height, channels, .. } = *image;
+        let expected = u64::from(width) * u64::from(height) * u64::from(channels);
+        if expected == 0 || !(1..=4).contains(&channels) || expected != samples as u64 {
+            return Err(Error::new(format!(
+                "image `{}` of {width} x {height} pixels and {channels} channels with {samples} samples \
+                 is no texture",
+                image.name
+            ))
+            .hint("an image needs at least one pixel and 1 to 4 channels"));
+        }
+        Ok(Texels { image, decode })
+    }
+
+    /// Pixels per row, at least 1.
+    #[must_use]
+    pub fn width(&self) -> u32 {
+        self.image.width
+    }
+
+    /// Rows, at least 1.
+    #[must_use]
+    pub fn height(&self) -> u32 {
+        self.image.height
+    }
+
+    /// True when the image has a single colour channel.
+    #[must_use]
+    pub fn is_grey(&self) -> bool {
+        self.image.channels <= 2
+    }
+
+    /// The name of the image, as the user would name it.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.image.name
+    }
+
+    /// The linear colour of texel (`x`, `y`), which must exist; grey is
+    /// repeated in all three channels.
+    #[must_use]
+    #[inline]
+    pub fn rgb(&self, x: u32, y: u32) -> Rgb {
+        debug_assert!(x < self.image.width && y < self.image.height, "texel ({x}, {y})");
+        let channels = self.image.channels as usize;
+        let i = (y as usize * self.image.width as usize + x as usize) * channels;
+        if channels >= 3 {
+            match &self.image.pixels {
+                Pixels::U8(v) => {
+                    Rgb::from_array([v[i], v[i + 1], v[i + 2]].map(|s| self.decode[usize::from(s)]))
+                }
+                Pixels::U16(v) => {
+                    Rgb::from_array([v[i], v[i + 1], v[i + 2]].map(|s| self.decode[usize::from(s)]))
+                }
+                Pixels::F32(v) => Rgb::new(v[i], v[i + 1], v[i + 2]),
+            }
+        } else {
+            Rgb::splat(match &self.image.pixels {
+                Pixels::U8(v) => self.decode[usize::from(v[i])],
+                Pixels::U16(v) => self.decode[usize::from(v[i])],
+                Pixels::F32(v) => v[i],
+            })
+        }
+    }
+
+    /// Bytes of the image.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        match &self.image.pixels {
+            Pixels::U8(v) => v.len(),
+            Pixels::U16(v) => 2 * v.len(),
+            Pixels::F32(v) => 4 * v.len(),
+        }
+    }
+
+    /// Fails on the first texel, in reading order, that is not finite or has a
+    /// channel below `least`; the message names its place, (0, 0) being the
+    /// upper left.
+    pub fn check(&self, least: f32) -> Result<()> {
+        for y in 0..self.height() {
+            for x in 0..self.width() {
+                let c = self.rgb(x, y);
+                let what = if !c.is_finite() {
+                    "which is not finite"
+                } else if c.min_element() < least {
+                    "which is negative"
+                } else {
+                    continue;
+                };
+                let value =
+                    if self.is_grey() { c.x.to_string() } else { format!("{}, {}, {}", c.x, c.y, c.z) };
+                return Err(Error::new(format!(
+                    "texel ({x}, {y}) of image `{}` is {value}, {what}",
+                    self.name()
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn summary(&self) -> Summary {
+        let first = self.rgb(0, 0);
+        let (mut sum, mut max, mut uniform) = (DVec3::ZERO, f32::NEG_INFINITY, true);
+        for y in 0..self.height() {
+            for x in 0..self.width() {
+                let c = self.rgb(x, y);
+                sum += c.as_dvec3();
+                max = max.max(c.max_element());
+                uniform &= c == first;
+            }
+        }
+        let count = f64::from(self.width()) * f64::from(self.height());
+        let mean = if uniform { first } else { (sum / count).as_vec3() };
+        Summary { mean, max, uniform: uniform.then_some(first) }
+    }
+}
