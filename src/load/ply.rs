@@ -182,11 +182,11 @@ impl Body<'_> {
 
     /// Fails when so many records cannot fit into what is left.
     fn check_count(&self, element: &Element) -> Step<usize> {
-        let smallest = match self.encoding {
-            Encoding::Text => element.properties.len() * 2, // a digit and a space
-            _ => element.properties.iter().map(|p| p.length.unwrap_or(p.number).size()).sum(),
+        let (smallest, slack) = match self.encoding {
+            Encoding::Text => (element.properties.len() * 2, 1), // a digit and a space, but for the last
+            _ => (element.properties.iter().map(|p| p.length.unwrap_or(p.number).size()).sum(), 0),
         };
-        let room = self.rest.len() as u64 + 1; // the last space may be missing
+        let room = self.rest.len() as u64 + slack;
         match element.count.checked_mul(smallest as u64) {
             Some(bytes) if bytes <= room => Ok(element.count as usize),
             _ => Err(format!(
