@@ -1,1 +1,102 @@
-//! Room `load`.
+//! Files to [`SceneDesc`]: Mitsuba 3 scene files, meshes and images.
+//!
+//! [`load`] reads a scene in four steps. (1) The XML of the file and of its
+//! includes becomes objects and parameters, with `$name` replaced and files
+//! older than 2.0 spelled anew. (2) References become object ids; cycles and
+//! unknown ids are errors. (3) The files that shapes, textures and emitters
+//! name are found, and each is decoded once, in parallel. (4) What was decoded
+//! is attached to the objects: a `mesh` to shapes `obj`, `ply` and
+//! `serialized` (whose `filename`, `flip_tex_coords` and `shape_index` are
+//! thereby used up), an `image` to `bitmap` textures and `envmap` emitters
+//! (whose `filename` stays, for messages).
+//!
+//! Unknown tags, malformed values and bad files are errors of this room; names
+//! of plugins and parameters are checked by whoever builds them. Only regular
+//! files are read, up to a size; what a header promises is checked against the
+//! size of the file before anything is allocated.
+
+mod assets;
+mod exr_file;
+mod files;
+mod image_file;
+mod obj;
+mod parse;
+mod picture;
+mod ply;
+mod references;
+mod serialized;
+mod substitute;
+mod transform;
+mod upgrade;
+mod values;
+mod xml;
+
+pub use picture::{Picture, read_picture};
+
+use std::path::Path;
+
+use crate::desc::{Error, Image, Mesh, Result, SceneDesc};
+
+/// What can be set when a scene is loaded.
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Values for `$name` in scene files; they win over `<default>`.
+    pub defines: Vec<(String, String)>,
+    /// Largest size of one decoded image in bytes.
+    pub max_image_bytes: u64,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        LoadOptions { defines: Vec::new(), max_image_bytes: 4 << 30 }
+    }
+}
+
+/// Loads a scene file with everything it names. Files are looked for beside
+/// the scene file first.
+pub fn load(path: &Path, options: &LoadOptions) -> Result<SceneDesc> {
+    let name = path.display().to_string();
+    let text = files::read_text(path, files::XML_CAP).map_err(|e| e.at(name.clone(), Default::default()))?;
+    let dir = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    finish(parse::parse_scene(parse::Root { name, path: Some(path), text: &text, dir }, options)?, options)
+}
+
+/// Loads a scene from a string, which messages call `<string>`; files are
+/// looked for in `base_dir`.
+pub fn load_str(xml: &str, base_dir: &Path, options: &LoadOptions) -> Result<SceneDesc> {
+    let root = parse::Root { name: "<string>".into(), path: None, text: xml, dir: base_dir.to_path_buf() };
+    finish(parse::parse_scene(root, options)?, options)
+}
+
+fn finish(mut parsed: parse::Parsed, options: &LoadOptions) -> Result<SceneDesc> {
+    references::resolve(&mut parsed)?;
+    upgrade::upgrade(&mut parsed)?;
+    assets::decode(&mut parsed, options)?;
+    Ok(parsed.scene)
+}
+
+/// Reads one mesh file by its extension (`obj`, `ply`, `serialized`), the
+/// first shape of it, with the texture coordinates that Mitsuba would give it.
+pub fn read_mesh(path: &Path) -> Result<Mesh> {
+    let name = path.display().to_string();
+    let kind = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    let request = match kind.as_str() {
+        "obj" => assets::MeshRequest::Obj { flip_tex_coords: true },
+        "ply" => assets::MeshRequest::Ply { flip_tex_coords: false },
+        "serialized" => assets::MeshRequest::Serialized { shape_index: 0 },
+        _ => {
+            return Err(Error::new(format!("no mesh format is known by the ending `{kind}`"))
+                .hint("known: obj, ply, serialized")
+                .at(name, Default::default()));
+        }
+    };
+    request.read(path).map(|(mesh, _)| mesh).map_err(|e| e.at(name, Default::default()))
+}
+
+/// Reads one image file as a texture would.
+pub fn read_image(path: &Path, options: &LoadOptions) -> Result<Image> {
+    let name = path.display().to_string();
+    image_file::read(path, &name, options.max_image_bytes)
+        .map(|(image, _)| image)
+        .map_err(|e| e.at(name, Default::default()))
+}

@@ -1,0 +1,143 @@
+//! The files that objects name: found, decoded once each and in parallel, and
+//! attached to the objects.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::parse::Parsed;
+use super::{LoadOptions, files, image_file, obj, ply, serialized};
+use crate::desc::{Category, Image, Mesh, ObjectId, Param, Params, Pos, Result, Value};
+
+/// A mesh file's format and the parameters that change how it is read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum MeshRequest {
+    /// Wavefront OBJ.
+    Obj { flip_tex_coords: bool },
+    /// Stanford PLY.
+    Ply { flip_tex_coords: bool },
+    /// Mitsuba 0.x binary meshes.
+    Serialized { shape_index: u32 },
+}
+
+impl MeshRequest {
+    /// Reads the file; gives warnings too.
+    pub fn read(self, path: &Path) -> Result<(Mesh, Vec<String>)> {
+        match self {
+            MeshRequest::Obj { flip_tex_coords } => Ok((obj::read(path, flip_tex_coords)?, Vec::new())),
+            MeshRequest::Ply { flip_tex_coords } => Ok((ply::read(path, flip_tex_coords)?, Vec::new())),
+            MeshRequest::Serialized { shape_index } => serialized::read(path, shape_index),
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Request {
+    Mesh(MeshRequest),
+    Image,
+}
+
+enum Decoded {
+    Mesh(Mesh),
+    Image(Image),
+}
+
+/// One file to decode, and who asked first.
+struct Job {
+    request: Request,
+    path: PathBuf,
+    pos: Pos,
+}
+
+/// Decodes all files and attaches them.
+pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
+    let mut jobs: Vec<Job> = Vec::new();
+    let mut known: HashMap<(PathBuf, Request), usize> = HashMap::new();
+    let mut users: Vec<(ObjectId, usize, Pos)> = Vec::new();
+    for id in 0..parsed.scene.objects.len() as ObjectId {
+        let Some(job) = job_of(parsed, id)? else { continue };
+        let (key, pos) = ((files::canonical(&job.path), job.request), job.pos);
+        let index = *known.entry(key).or_insert(jobs.len());
+        if index == jobs.len() {
+            jobs.push(job);
+        }
+        users.push((id, index, pos));
+    }
+
+    let results: Vec<_> = jobs.par_iter().map(|job| run(job, options)).collect();
+    let mut values = Vec::with_capacity(jobs.len());
+    for (job, result) in jobs.iter().zip(results) {
+        let file = parsed.scene.files[job.pos.file as usize].clone();
+        let (decoded, warnings) = result.map_err(|e| e.at(file, job.pos))?;
+        parsed.scene.warnings.extend(warnings);
+        values.push(match decoded {
+            Decoded::Mesh(mesh) => {
+                parsed.scene.meshes.push(Arc::new(mesh));
+                Value::Mesh(parsed.scene.meshes.len() as u32 - 1)
+            }
+            Decoded::Image(image) => {
+                parsed.scene.images.push(Arc::new(image));
+                Value::Image(parsed.scene.images.len() as u32 - 1)
+            }
+        });
+    }
+
+    for (id, index, pos) in users {
+        let params = &mut parsed.scene.objects[id as usize].params;
+        let name = if let Value::Mesh(_) = values[index] {
+            params.retain(|p| !["filename", "flip_tex_coords", "shape_index"].contains(&p.name.as_str()));
+            "mesh"
+        } else {
+            "image"
+        };
+        params.push(Param { name: name.into(), value: values[index].clone(), pos });
+    }
+    Ok(())
+}
+
+fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {
+    match job.request {
+        Request::Mesh(request) => {
+            let (mesh, warnings) = request.read(&job.path)?;
+            Ok((Decoded::Mesh(mesh), warnings))
+        }
+        Request::Image => {
+            let name = job.path.display().to_string();
+            let (image, warnings) = image_file::read(&job.path, &name, options.max_image_bytes)?;
+            Ok((Decoded::Image(image), warnings))
+        }
+    }
+}
+
+/// The file that an object needs decoded, if it is of a kind that does.
+fn job_of(parsed: &Parsed, id: ObjectId) -> Result<Option<Job>> {
+    let params = Params::new(&parsed.scene, id);
+    let object = params.object();
+    let request = match (object.category, object.plugin.as_str()) {
+        (Category::Shape, "obj") => {
+            Request::Mesh(MeshRequest::Obj { flip_tex_coords: params.bool("flip_tex_coords", true)? })
+        }
+        (Category::Shape, "ply") => {
+            Request::Mesh(MeshRequest::Ply { flip_tex_coords: params.bool("flip_tex_coords", false)? })
+        }
+        (Category::Shape, "serialized") => {
+            let index = params.int("shape_index", 0)?;
+            let shape_index = u32::try_from(index).map_err(|_| {
+                params.error_at("shape_index", format!("`shape_index` must not be negative, found {index}"))
+            })?;
+            Request::Mesh(MeshRequest::Serialized { shape_index })
+        }
+        (Category::Texture, "bitmap") | (Category::Emitter, "envmap") => Request::Image,
+        _ => return Ok(None),
+    };
+    let Some(name) = params.string_opt("filename")? else {
+        let what = format!("{} `{}` needs a `filename`", object.category.tag(), object.plugin);
+        return Err(params.error(what));
+    };
+    let pos = params.position("filename");
+    let path = files::find(name, &parsed.search[pos.file as usize])
+        .map_err(|e| e.at(parsed.scene.files[pos.file as usize].clone(), pos))?;
+    Ok(Some(Job { request, path, pos }))
+}
