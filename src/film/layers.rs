@@ -24,6 +24,12 @@ impl LayerSet {
     /// All layers.
     pub const ALL: LayerSet =
         LayerSet { alpha: true, albedo: true, normal: true, position: true, depth: true, error: true };
+
+    /// True when some layer shows what the first hit decides.
+    #[must_use]
+    pub fn needs_first_hit(self) -> bool {
+        self.albedo || self.normal || self.position || self.depth
+    }
 }
 
 /// One camera sample. Everything but `depth` must be finite, and `rgb` must

@@ -1,7 +1,7 @@
 //! The size, crop and filter of a film: the plugin `hdrfilm`.
 
 use super::{Filter, Rect};
-use crate::desc::{Category, ObjectId, Params, Result, SceneDesc};
+use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 
 /// Most pixels along an axis.
 const MAX_SIZE: i64 = 1 << 20;
@@ -85,6 +85,31 @@ impl FilmSpec {
         }
         params.finish()?;
         Ok(spec)
+    }
+
+    /// Another size or crop window than the file's; a new size drops the
+    /// file's crop.
+    ///
+    /// # Errors
+    /// A window outside the film, or too many pixels.
+    pub fn override_window(&mut self, size: Option<[u32; 2]>, crop: Option<[u32; 4]>) -> Result<()> {
+        if let Some([width, height]) = size {
+            self.size = [width, height];
+            self.crop = [0, 0, width, height];
+        }
+        self.crop = crop.unwrap_or(self.crop);
+        let [x, y, w, h] = self.crop.map(u64::from);
+        let [width, height] = self.size.map(u64::from);
+        if x + w > width || y + h > height {
+            return Err(Error::new(format!(
+                "the crop window {w} × {h} at {x},{y} does not fit the film of {width} × {height} pixels"
+            )));
+        }
+        if self.size.iter().any(|n| i64::from(*n) > MAX_SIZE) || w * h > MAX_PIXELS {
+            let message = format!("a film can have at most {MAX_SIZE} pixels a side and {MAX_PIXELS} in all");
+            return Err(Error::new(message));
+        }
+        Ok(())
     }
 
     /// The crop window.

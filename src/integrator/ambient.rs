@@ -1,6 +1,6 @@
 //! Ambient occlusion and distance: pictures of the geometry alone.
 
-use super::{CameraSample, Record, empty_sample, first_hit, first_hit_layers};
+use super::{CameraSample, Record, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::math::{Frame, Rgb};
 use crate::sampling::cosine_hemisphere;
@@ -17,7 +17,7 @@ pub struct AmbientOcclusion {
 impl AmbientOcclusion {
     /// Estimates what one sample of one pixel sees.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
-        let mut out = empty_sample();
+        let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
         let Some(surface) = first_hit(scene, &mut ray, false, record) else { return out };
@@ -47,7 +47,7 @@ pub struct Depth;
 impl Depth {
     /// What one sample of one pixel sees.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
-        let mut out = empty_sample();
+        let mut out = PixelSample::default();
         record.counters().paths += 1;
         record.counters().camera_rays += 1;
         let Some(hit) = scene.closest(&camera.ray) else { return out };

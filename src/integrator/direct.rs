@@ -4,7 +4,7 @@
 //! n_b bsdf samples, combined with the power heuristic over nₑ·pₑ and n_b·p_b.
 //! With one of the counts at zero it is the other strategy alone.
 
-use super::{CameraSample, Event, Record, empty_sample, first_hit, first_hit_layers, shadow_ray};
+use super::{CameraSample, Event, Record, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::math::{Rgb, Vec2};
 use crate::sampling::power_heuristic;
@@ -24,7 +24,7 @@ pub struct Direct {
 impl Direct {
     /// Estimates what one sample of one pixel sees.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
-        let mut out = empty_sample();
+        let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
         let Some(surface) = first_hit(scene, &mut ray, self.hide_emitters, record) else {

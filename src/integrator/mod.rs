@@ -18,7 +18,7 @@ pub use record::{Counters, Event, NoRecord, Record, Vertex};
 pub use whitted::Whitted;
 
 use crate::film::PixelSample;
-use crate::math::{Ray, Rgb, Vec2, Vec3};
+use crate::math::{Ray, Vec2};
 use crate::sampling::Sampler;
 use crate::scene::Scene;
 use crate::shape::SurfacePoint;
@@ -187,18 +187,6 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
     let normal = hit.scatter.normal().unwrap_or(surface.ns);
     out.normal = if normal.dot(hit.wo) < 0.0 { -normal } else { normal };
     out.albedo = hit.scatter.albedo(hit.wo);
-}
-
-/// A sample that saw nothing.
-fn empty_sample() -> PixelSample {
-    PixelSample {
-        rgb: Rgb::ZERO,
-        alpha: 0.0,
-        albedo: Rgb::ZERO,
-        normal: Vec3::ZERO,
-        position: Vec3::ZERO,
-        depth: f32::INFINITY,
-    }
 }
 
 /// The first hit of a camera ray; with `skip_lights` it goes through shapes

@@ -10,7 +10,7 @@
 //! bounded, η² undoes the radiance scaling inside a medium. Mitsuba's cap of
 //! 0.95 would make the variance infinite for albedos above 0.975.
 
-use super::{CameraSample, Event, Record, Vertex, empty_sample, first_hit, first_hit_layers, shadow_ray};
+use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::sampling::power_heuristic;
@@ -47,7 +47,7 @@ struct State {
 impl Path {
     /// Estimates what one sample of one pixel sees.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
-        let mut out = empty_sample();
+        let mut out = PixelSample::default();
         record.counters().paths += 1;
         if self.max_depth == 0 {
             return out;

@@ -8,7 +8,7 @@
 //! of the rendering equation: soft shadows, glossy reflections and indirect
 //! light are missing on purpose.
 
-use super::{CameraSample, Event, Record, Vertex, empty_sample, first_hit, first_hit_layers, shadow_ray};
+use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::math::{Ray, Rgb, Vec2};
 use crate::scene::{Interaction, Scene};
@@ -35,7 +35,7 @@ const BRANCHES: [f32; 2] = [0.0, crate::math::ONE_MINUS_EPSILON];
 impl Whitted {
     /// What one sample of one pixel sees.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
-        let mut out = empty_sample();
+        let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
         match first_hit(scene, &mut ray, self.hide_emitters, record) {

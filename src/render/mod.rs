@@ -155,7 +155,7 @@ impl<'a> Job<'a> {
         let film = Film::new(scene.film.clone(), options.layers, integrator.radiance_scale(scene));
         let mut tiles = film.tiles();
         pass::order(&mut tiles, options.order);
-        let pixels: u64 = tiles.iter().map(Rect::pixels).sum();
+        let pixels: u64 = tiles.iter().map(|t| t.area() as u64).sum();
         Job {
             scene,
             integrator,
@@ -205,7 +205,7 @@ impl<'a> Job<'a> {
         };
         let wall = start.elapsed().as_secs_f64();
         let (counters, mut bad) = self.totals.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        bad.overflow = self.film.overflow_count();
+        bad.overflow = self.film.overflow();
         let stats = RenderStats {
             wall_seconds: wall,
             cpu_seconds: self.cpu_nanoseconds.into_inner() as f64 * 1e-9,
@@ -239,7 +239,7 @@ impl<'a> Job<'a> {
                     totals.0.add(&counters);
                     totals.1.add(&bad);
                 }
-                let n = rect.pixels() * (samples.end - samples.start);
+                let n = rect.area() as u64 * (samples.end - samples.start);
                 let done = self.done.fetch_add(n, Ordering::Relaxed) + n;
                 self.cpu_nanoseconds.fetch_add(clock.elapsed().as_nanos() as u64, Ordering::Relaxed);
                 self.monitor.progress(done, self.total, error);
@@ -250,16 +250,14 @@ impl<'a> Job<'a> {
     fn tile(&self, tile: &mut Tile, rect: &Rect, samples: std::ops::Range<u64>) -> (Counters, BadSamples) {
         let mut record = NoRecord::default();
         let mut bad = BadSamples::default();
-        let layers = self.options.layers.first_hit();
-        for y in rect.y..rect.y + rect.height {
-            for x in rect.x..rect.x + rect.width {
-                for index in samples.clone() {
-                    let (mut camera, offset) = CameraSample::new(self.scene, self.options.seed, (x, y), index);
-                    camera.layers = layers;
-                    let sample = self.integrator.sample(self.scene, &camera, &mut record);
-                    if bad.check(&sample, (x, y), index) {
-                        tile.add((x, y), offset, index, &sample);
-                    }
+        let layers = self.options.layers.needs_first_hit();
+        for pixel in rect.pixels() {
+            for index in samples.clone() {
+                let (mut camera, offset) = CameraSample::new(self.scene, self.options.seed, pixel, index);
+                camera.layers = layers;
+                let sample = self.integrator.sample(self.scene, &camera, &mut record);
+                if bad.check(&sample, pixel, index) {
+                    tile.add(pixel, offset, index, &sample);
                 }
             }
         }

@@ -27,13 +27,13 @@ pub fn order(tiles: &mut [Rect], order: TileOrder) {
     match order {
         TileOrder::CentreOut => {
             let bounds = tiles.iter().fold((i32::MAX, i32::MAX, i32::MIN, i32::MIN), |b, t| {
-                (b.0.min(t.x), b.1.min(t.y), b.2.max(t.x + t.width), b.3.max(t.y + t.height))
+                (b.0.min(t.min.0), b.1.min(t.min.1), b.2.max(t.max.0), b.3.max(t.max.1))
             });
             let centre = (i64::from(bounds.0) + i64::from(bounds.2), i64::from(bounds.1) + i64::from(bounds.3));
             tiles.sort_by_key(|t| {
-                let dx = i64::from(t.x) * 2 + i64::from(t.width) - centre.0;
-                let dy = i64::from(t.y) * 2 + i64::from(t.height) - centre.1;
-                (dx * dx + dy * dy, t.y, t.x)
+                let dx = i64::from(t.min.0) + i64::from(t.max.0) - centre.0;
+                let dy = i64::from(t.min.1) + i64::from(t.max.1) - centre.1;
+                (dx * dx + dy * dy, t.min.1, t.min.0)
             });
         }
         TileOrder::Shuffled(seed) => {
@@ -43,7 +43,7 @@ pub fn order(tiles: &mut [Rect], order: TileOrder) {
                 let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
                 x ^ (x >> 31)
             };
-            tiles.sort_by_key(|t| key(seed ^ key(((t.x as u64) << 32) ^ t.y as u64)));
+            tiles.sort_by_key(|t| key(seed ^ key(((t.min.0 as u64) << 32) ^ t.min.1 as u64)));
         }
     }
 }

@@ -48,7 +48,7 @@ impl LightSelection {
         if let Some(only) = self.single {
             return Some((only, 1.0));
         }
-        let (index, _, _) = self.table.as_ref()?.sample(u);
+        let index = self.table.as_ref()?.sample(u).index;
         Some((index, self.pmf[index]))
     }
 

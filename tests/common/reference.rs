@@ -1,0 +1,174 @@
+//! Mitsuba references and the test against them.
+
+use std::path::PathBuf;
+
+use etendue::load::{LoadOptions, load, read_picture};
+use etendue::render::{Quiet, render};
+use etendue::study::{Pair, RgbView, ZOptions, ZReport, z_test};
+use serde_json::Value;
+
+use super::render::{Ready, options, package, rgb};
+
+/// A reference: mean, variance of the mean, and how it was made.
+pub struct Reference {
+    /// Its name.
+    pub name: String,
+    /// Its provenance.
+    pub provenance: Value,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    mean: Vec<f32>,
+    variance: Vec<f32>,
+}
+
+/// Independent renders that our mean and variance are made of.
+const BATCHES: u64 = 16;
+/// Relative standard error of the whole mean that is asked of our side.
+const WANTED: f64 = 4e-4;
+/// Samples per pixel and batch: first try and most.
+const SAMPLES: (u64, u64) = (64, 4096);
+
+/// Our picture with its variance.
+pub struct Ours {
+    /// Mean of all batches, interleaved RGB.
+    pub mean: Vec<f32>,
+    /// Variance of that mean.
+    pub variance: Vec<f32>,
+    /// Relative standard error of the whole mean.
+    pub mean_error: f64,
+}
+
+/// Names of all references, sorted.
+pub fn names() -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(package("refs"))
+        .expect("the folder refs")
+        .filter_map(|e| e.ok()?.file_name().into_string().ok())
+        .filter_map(|n| n.strip_suffix(".var.exr").map(str::to_owned))
+        .collect();
+    names.sort();
+    names
+}
+
+fn interleaved(path: PathBuf) -> (usize, usize, Vec<f32>) {
+    let picture = read_picture(&path).unwrap_or_else(|e| panic!("{e}"));
+    let [r, g, b] = ["R", "G", "B"].map(|n| picture.channel(n).expect("a colour channel"));
+    let data = r.iter().zip(g).zip(b).flat_map(|((r, g), b)| [*r, *g, *b]).collect();
+    (picture.width as usize, picture.height as usize, data)
+}
+
+impl Reference {
+    /// Reads `refs/NAME.*`.
+    pub fn read(name: &str) -> Reference {
+        let text = std::fs::read_to_string(package(&format!("refs/{name}.json"))).expect("the provenance");
+        let provenance = serde_json::from_str(&text).expect("valid JSON");
+        let (width, height, mean) = interleaved(package(&format!("refs/{name}.exr")));
+        let (_, _, variance) = interleaved(package(&format!("refs/{name}.var.exr")));
+        Reference { name: name.to_owned(), provenance, width, height, mean, variance }
+    }
+
+    /// The scene it is a picture of, with the same parameters.
+    pub fn scene(&self, change: impl FnOnce(&mut etendue::desc::SceneDesc)) -> Ready {
+        let defines = self.provenance["defines"].as_object().expect("defines");
+        let plain = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+        let defines = defines.iter().map(|(k, v)| (k.clone(), plain(v))).collect();
+        let path = package(self.provenance["scene"].as_str().expect("a scene"));
+        let options = LoadOptions { defines, ..LoadOptions::default() };
+        let mut desc = load(&path, &options).unwrap_or_else(|e| panic!("{e}"));
+        change(&mut desc);
+        Ready::build(&desc, None, None)
+    }
+
+    /// Renders independent batches of `picture(samples, seed)` until the whole
+    /// mean is known well enough.
+    pub fn batches(&self, mut picture: impl FnMut(u64, u64) -> Vec<f32>) -> Ours {
+        let mut samples = SAMPLES.0;
+        loop {
+            let batches: Vec<Vec<f32>> = (0..BATCHES).map(|seed| picture(samples, 1000 + seed)).collect();
+            let ours = Ours::of(&batches);
+            if ours.mean_error <= WANTED || samples >= SAMPLES.1 {
+                return ours;
+            }
+            // As many as the error asks for, were it to fall as 1/√n.
+            let factor = (ours.mean_error / WANTED).powi(2) * 1.2;
+            samples = ((samples as f64 * factor) as u64).clamp(samples * 2, SAMPLES.1).next_power_of_two();
+        }
+    }
+
+    /// Our estimate of the same picture, by the library.
+    pub fn ours(&self, ready: &Ready) -> Ours {
+        self.batches(|samples, seed| {
+            let rendered = render(&ready.scene, &ready.integrator, &options(samples, seed), &Quiet)
+                .unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(rendered.stats.bad.total(), 0, "{}: {}", self.name, rendered.stats.bad.summary());
+            rgb(&rendered.film.resolve())
+        })
+    }
+
+    /// The test of ours against it.
+    pub fn test(&self, ours: &Ours, overlap: f64) -> ZReport {
+        let view = |data| RgbView::new(self.width, self.height, data).unwrap_or_else(|e| panic!("{e}"));
+        let pair = Pair::new(view(&ours.mean), view(&self.mean)).unwrap_or_else(|e| panic!("{e}"));
+        let options = ZOptions {
+            overlap,
+            image_mean_error: Some(ours.mean_error),
+            reference_mean_error: self.mean_error(),
+            ..ZOptions::default()
+        };
+        z_test(&pair, Some(view(&ours.variance)), Some(view(&self.variance)), &options)
+            .unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// Relative standard error of the reference's whole mean, over all channels.
+    fn mean_error(&self) -> Option<f64> {
+        let list = |name: &str| -> Option<Vec<f64>> {
+            self.provenance[name].as_array()?.iter().map(Value::as_f64).collect()
+        };
+        let (mean, error) = (list("mean")?, list("mean_standard_error")?);
+        // Channels rise and fall together: their errors add, which is the cautious side.
+        Some(error.iter().sum::<f64>() / mean.iter().sum::<f64>())
+    }
+
+    /// Writes image, reference and error where a person can look at them.
+    pub fn dump(&self, ours: &Ours) -> PathBuf {
+        let folder = package("target/reference-failures");
+        std::fs::create_dir_all(&folder).expect("a folder for failures");
+        for (suffix, data) in [("ours", &ours.mean), ("reference", &self.mean)] {
+            let pixels: Vec<u8> =
+                data.iter().map(|v| (v.max(0.0).powf(1.0 / 2.2) * 255.0).min(255.0) as u8).collect();
+            let path = folder.join(format!("{}-{suffix}.png", self.name));
+            image::save_buffer(path, &pixels, self.width as u32, self.height as u32, image::ColorType::Rgb8)
+                .expect("a PNG");
+        }
+        folder
+    }
+}
+
+impl Ours {
+    fn of(batches: &[Vec<f32>]) -> Ours {
+        let n = batches.len() as f64;
+        let (mut mean, mut variance) = (Vec::new(), Vec::new());
+        for i in 0..batches[0].len() {
+            let m = batches.iter().map(|b| f64::from(b[i])).sum::<f64>() / n;
+            let v = batches.iter().map(|b| (f64::from(b[i]) - m).powi(2)).sum::<f64>() / (n - 1.0) / n;
+            mean.push(m as f32);
+            variance.push(v as f32);
+        }
+        let totals: Vec<f64> =
+            batches.iter().map(|b| b.iter().map(|v| f64::from(*v)).sum::<f64>()).collect();
+        let m = totals.iter().sum::<f64>() / n;
+        let v = totals.iter().map(|t| (t - m).powi(2)).sum::<f64>() / (n - 1.0) / n;
+        Ours { mean, variance, mean_error: v.sqrt() / m }
+    }
+}
+
+/// 1/∫w² of a filter along both axes: how many pixels share a sample.
+pub fn overlap(filter: &etendue::film::Filter) -> f64 {
+    let (radius, steps) = (filter.radius(), 2000);
+    let values = (0..steps).map(|i| filter.eval(((f64::from(i) + 0.5) / f64::from(steps) * 2.0 - 1.0) * radius));
+    let (sum, squares) = values.fold((0.0, 0.0), |(s, q), w| (s + w, q + w * w));
+    let step = 2.0 * radius / f64::from(steps);
+    let one_axis = (sum * step).powi(2) / (squares * step);
+    one_axis * one_axis
+}

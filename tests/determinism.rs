@@ -1,0 +1,72 @@
+//! The picture is a function of scene, seed and sample count alone: not of
+//! threads, not of the order of tiles, not of the crop window around it.
+
+#[path = "common/render.rs"]
+mod render;
+
+use etendue::film::LayerSet;
+use etendue::render::TileOrder;
+use etendue::save::{ExrHeader, ExrOptions, write_exr};
+use etendue::scene::{BuildOptions, Scene};
+use render::{Ready, options, package};
+
+const SCENES: [&str; 3] = ["scenes/cornell-box/scene.xml", "scenes/veach-mis/scene.xml", "scenes/teapot-dof/scene.xml"];
+const SIZE: [(&str, &str); 2] = [("resx", "72"), ("resy", "56")];
+
+fn exr_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64) -> Vec<u8> {
+    let mut options = options(samples, 7);
+    (options.threads, options.order, options.layers) = (threads, order, LayerSet::ALL);
+    let rendered = ready.render(&options);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.exr");
+    let header = ExrHeader { attributes: vec![("etendue/seed".into(), "7".into())], ..ExrHeader::default() };
+    write_exr(&path, &rendered.film.resolve(), &header, &ExrOptions::default()).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
+#[test]
+fn threads_and_tile_order_do_not_change_a_byte() {
+    for scene in SCENES {
+        let ready = Ready::from_file(scene, &SIZE);
+        let one = exr_bytes(&ready, 1, TileOrder::CentreOut, 11);
+        assert!(one.len() > 10_000);
+        assert_eq!(one, exr_bytes(&ready, 2, TileOrder::CentreOut, 11), "{scene}: two threads");
+        assert_eq!(one, exr_bytes(&ready, 7, TileOrder::Shuffled(3), 11), "{scene}: seven threads, shuffled tiles");
+        assert_ne!(one, exr_bytes(&ready, 1, TileOrder::CentreOut, 12), "{scene}: one more sample is another picture");
+    }
+}
+
+#[test]
+fn a_crop_is_the_same_region_of_the_whole() {
+    for filter in ["box", "tent", "gaussian", "mitchell", "lanczos"] {
+        let defines = [("resx", "72"), ("resy", "56"), ("rfilter", filter)];
+        let defines: Vec<(String, String)> = defines.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
+        let load = etendue::load::LoadOptions { defines, ..Default::default() };
+        let desc = etendue::load::load(&package("scenes/features/filters.xml"), &load).unwrap();
+        let whole = Ready::build(&desc, None, None);
+        let crop = BuildOptions { crop: Some([13, 9, 30, 21]), ..BuildOptions::default() };
+        let part = Ready {
+            scene: Scene::build(&desc, &crop).unwrap(),
+            integrator: whole.integrator.clone(),
+        };
+        let mut options = options(5, 3);
+        options.layers = LayerSet::ALL;
+        let (whole, part) = (whole.render(&options).film.resolve(), part.render(&options).film.resolve());
+        let mut compared = 0;
+        for channel in &part.channels {
+            // The error of a pixel is pooled with neighbours that the crop does not have.
+            if channel.name.starts_with("error") {
+                continue;
+            }
+            let all = whole.channel(&channel.name).unwrap();
+            for y in 0..21 {
+                for x in 0..30 {
+                    let (a, b) = (channel.data[y * 30 + x], all[(y + 9) * 72 + x + 13]);
+                    assert_eq!(a.to_bits(), b.to_bits(), "{filter} {} at {x},{y}", channel.name);
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > 30 * 21 * 10);
+    }
+}
