@@ -81,7 +81,7 @@ const SHOULDER_POWER: f32 = 1.5;
 const INSET: f32 = 0.07;
 
 fn agx(linear: [f32; 3]) -> [f32; 3] {
-    // Halves first, so that the sum of the largest floats is finite.
+    // Thirds first, so that the sum of the largest floats is finite.
     let third = linear.iter().map(|v| v / 3.0).sum::<f32>();
     let inset = linear.map(|v| v * (1.0 - 3.0 * INSET) + 3.0 * INSET * third);
     let curved = inset.map(sigmoid);
