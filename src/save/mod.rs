@@ -1,1 +1,15 @@
-//! Room `save`.
+//! Film to files: OpenEXR for work, PNG to look at.
+//!
+//! A file is written under its name with `.part` added, flushed to the disk
+//! and then renamed: whatever goes wrong, a file of that name is a whole one,
+//! and the one that was there before stays until then.
+
+mod exr_order;
+mod file;
+mod openexr;
+mod png;
+mod tone;
+
+pub use openexr::{Header, Options, write_exr};
+pub use png::write_png;
+pub use tone::{Curve, Tone};
