@@ -17,6 +17,7 @@ def write_image(name, pixels, kind=oiio.FLOAT, **attributes):
     pixels = np.atleast_3d(pixels).astype(np.float32)
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, kind)
+    spec.attribute("DateTime", "2000:01:01 00:00:00")  # else the clock's
     for key, value in attributes.items():
         spec.attribute(key.replace("_", ":"), value)
     output = oiio.ImageOutput.create(str(DATA / name))
@@ -112,15 +113,16 @@ def ply():
 
 
 def obj():
-    # Three groups, quads and triangles, v/vt, v//vn and v/vt/vn corners.
+    # Three groups, quads and a triangle, smooth and flat vertex normals. All
+    # corners have v/vt/vn: Mitsuba leaves the others' values undefined.
     with open(DATA / "groups.obj", "w", encoding="ascii") as file:
         file.write("# A roof, a wall and a step.\no house\ng roof\n")
         file.write("v -1 0.2 0\nv 1 0.2 0\nv 1 1 -0.8\nv -1 1 -0.8\n")
-        file.write("vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n")
+        file.write("vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0.70710678 0.70710678\nf 1/1/1 2/2/1 3/3/1 4/4/1\n")
         file.write("g wall\nusemtl stone\nv -1 -1 0.2\nv 0.2 -1 0.2\nv -1 0.2 0.2\n")
-        file.write("vn -0.3 0 1\nvn 0.3 0 1\nvn 0 0.4 1\nf 5/1/1 6/2/2 7/4/3\n")
-        file.write("g step\ns off\nv 0.4 -1 0.4\nv 1 -1 0.4\nv 1 -0.6 0\nv 0.4 -0.6 0\nvn 0 0.70710678 0.70710678\n")
-        file.write("f 8/1/4 9/2/4 10/3/4 11/4/4\n")
+        file.write("vn -0.3 0 1\nvn 0.3 0 1\nvn 0 0.4 1\nf 5/1/2 6/2/3 7/4/4\n")
+        file.write("g step\ns off\nv 0.4 -1 0.4\nv 1 -1 0.4\nv 1 -0.6 0\nv 0.4 -0.6 0\nvn 0 0.6 0.8\n")
+        file.write("f 8/1/5 9/2/5 10/3/5 11/4/5\n")
 
 
 def serialized():

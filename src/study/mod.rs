@@ -1,1 +1,14 @@
-//! Room `study`.
+//! How far a picture is from another: error metrics, FLIP, and the test
+//! whether two noisy pictures have the same mean.
+//!
+//! Everything works on plain slices ([`RgbView`]), reads no files and prints
+//! nothing; reports implement `Display`.
+
+mod flip;
+pub mod metrics;
+mod statistics;
+mod ztest;
+
+pub use flip::{FlipHdr, flip_hdr, flip_ldr};
+pub use metrics::{Metrics, Pair, RgbView, metrics};
+pub use ztest::{Failure, Verdict, ZLevel, ZOptions, ZReport, z_test};
