@@ -6,7 +6,7 @@ mod render;
 
 use etendue::film::LayerSet;
 use etendue::render::TileOrder;
-use etendue::save::{ExrHeader, ExrOptions, write_exr};
+use etendue::save::{Header, Options, write_exr};
 use etendue::scene::{BuildOptions, Scene};
 use render::{Ready, options, package};
 
@@ -19,8 +19,8 @@ fn exr_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64) -> V
     let rendered = ready.render(&options);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("out.exr");
-    let header = ExrHeader { attributes: vec![("etendue/seed".into(), "7".into())], ..ExrHeader::default() };
-    write_exr(&path, &rendered.film.resolve(), &header, &ExrOptions::default()).unwrap();
+    let header = Header { attributes: vec![("etendue/seed".into(), "7".into())], ..Header::default() };
+    write_exr(&path, &rendered.film.resolve(), &header, Options::default()).unwrap();
     std::fs::read(&path).unwrap()
 }
 

@@ -11,7 +11,7 @@ use crate::desc::{Error, Result};
 use crate::film::Picture;
 use crate::integrator::Integrator;
 use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
-use crate::save::{self, ExrHeader, ExrOptions, Tone, ToneCurve};
+use crate::save::{self, Header, Options, Tone};
 use crate::scene::Scene;
 
 /// Renders, and writes what was asked for.
@@ -86,23 +86,22 @@ impl Output {
         Ok(Output { exr, png })
     }
 
-    fn write(&self, args: &RenderArgs, picture: &Picture, header: &ExrHeader) -> Result<()> {
+    fn write(&self, args: &RenderArgs, picture: &Picture, header: &Header) -> Result<()> {
         if let Some(path) = &self.exr {
-            let report = save::write_exr(path, picture, header, &ExrOptions { half: args.half })?;
-            if report.saturated > 0 {
+            let saturated = save::write_exr(path, picture, header, Options { half: args.half })?;
+            if saturated > 0 {
                 eprintln!(
-                    "warning: {} values over 65504 were saturated by --half; write 32-bit floats to keep them",
-                    report.saturated
+                    "warning: {saturated} values over 65504 were saturated by --half; write 32-bit floats to keep them"
                 );
             }
             say(args, path);
         }
         if let Some(path) = &self.png {
             let curve = match args.tone {
-                Curve::Agx => ToneCurve::Agx,
-                Curve::Srgb => ToneCurve::Srgb,
+                Curve::Agx => save::Curve::Agx,
+                Curve::Srgb => save::Curve::Srgb,
             };
-            save::write_png(path, picture, &Tone { exposure: args.exposure, curve })?;
+            save::write_png(path, picture, Tone { exposure: args.exposure, curve })?;
             say(args, path);
         }
         Ok(())
@@ -125,11 +124,9 @@ fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, ope
     );
 }
 
-fn header(scene: &Scene, integrator: &Integrator, stats: &RenderStats, seed: u64, hash: u64) -> ExrHeader {
+fn header(scene: &Scene, integrator: &Integrator, stats: &RenderStats, seed: u64, hash: u64) -> Header {
     let text = |name: &str, value: String| (format!("etendue/{name}"), value);
-    ExrHeader {
-        world_to_camera: scene.camera.world_to_camera(),
-        world_to_ndc: scene.camera.world_to_ndc(),
+    Header {
         attributes: vec![
             text("version", env!("CARGO_PKG_VERSION").to_owned()),
             text("sceneHash", format!("{hash:016x}")),
@@ -142,6 +139,9 @@ fn header(scene: &Scene, integrator: &Integrator, stats: &RenderStats, seed: u64
             text("relativeError", format!("{:.3e}", stats.relative_error)),
             text("badSamples", stats.bad.summary()),
         ],
+        world_to_camera: Some(scene.camera.world_to_camera()),
+        world_to_ndc: Some(scene.camera.world_to_ndc()),
+        ..Header::default()
     }
 }
 

@@ -68,7 +68,7 @@ impl FilmSpec {
         let params = scene.params(id);
         let plugin = params.object().plugin.as_str();
         if plugin != "hdrfilm" {
-            return Err(params.error(format!("no film is called `{plugin}`")).suggest(plugin, ["hdrfilm"]));
+            return Err(params.error(format!("unknown film `{plugin}`")).suggest(plugin, ["hdrfilm"]));
         }
         let width = size(&params, "width", 768)?;
         let height = size(&params, "height", 576)?;

@@ -5,13 +5,13 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::perturb::{Map, Perturbation};
-use super::surface::{Roughness, Surface};
+use super::surface::{Coating, Roughness, Surface};
 use super::{Material, WHITE};
-use crate::bsdf::{Distribution, RoughPlasticTable};
+use crate::bsdf::{Coat, Distribution, RoughPlasticTable};
 use crate::color;
 use crate::desc::{Category, ObjectId, Params, Result, SceneDesc, Value};
 use crate::math::Rgb;
-use crate::texture::{Texture, Usage, texture_param};
+use crate::texture::{Texture, Usage, texture_from_desc, texture_param};
 
 /// Scene-file names of all materials.
 pub const NAMES: &[&str] = &[
@@ -133,7 +133,7 @@ fn perturbation(params: &Params, name: &str) -> Result<Perturbation> {
         let [(_, id)] = textures.as_slice() else {
             return Err(params.error(format!("bsdf `bumpmap` needs one nested texture, found {}", textures.len())));
         };
-        Map::Bump(Texture::from_desc(params.scene(), *id, Usage::Scalar)?, params.float("scale", 1.0)? as f32)
+        Map::Bump(texture_from_desc(params.scene(), *id, Usage::Scalar)?, params.float("scale", 1.0)? as f32)
     };
     Ok(Perturbation {
         map,
@@ -180,8 +180,8 @@ fn conductor(params: &Params, rough: bool) -> Result<Surface> {
         })?,
     };
     Ok(Surface::Conductor {
-        eta: texture_param(params, "eta", eta, Usage::Unbounded)?,
-        k: texture_param(params, "k", k, Usage::Unbounded)?,
+        eta: texture_param(params, "eta", eta, Usage::Radiance)?,
+        k: texture_param(params, "k", k, Usage::Radiance)?,
         reflectance: texture_param(params, "specular_reflectance", WHITE, Usage::Reflectance)?,
         roughness: if rough { Some(roughness(params)?) } else { None },
     })
@@ -191,22 +191,19 @@ fn plastic(params: &Params, rough: bool) -> Result<Surface> {
     let eta = relative_ior(params, "polypropylene")?;
     let diffuse = texture_param(params, "diffuse_reflectance", Rgb::splat(0.5), Usage::Reflectance)?;
     let specular = texture_param(params, "specular_reflectance", WHITE, Usage::Reflectance)?;
-    let (d, s) = (diffuse.mean().element_sum(), specular.mean().element_sum());
-    let table = if rough {
+    let coat = if rough {
         let distribution = distribution(params)?;
         params.bool("sample_visible", true)?;
         let alpha = positive_alpha(params, params.float("alpha", 0.1)?)?;
-        Some(Box::new(RoughPlasticTable::new(distribution, alpha, eta)))
+        Coating::Rough(Box::new(RoughPlasticTable::new(distribution, alpha, eta)))
     } else {
-        None
+        Coating::Smooth(Coat::smooth(eta))
     };
     Ok(Surface::Plastic {
-        eta,
+        coat,
         diffuse,
         specular,
         nonlinear: params.bool("nonlinear", false)?,
-        specular_weight: if d + s > 0.0 { s / (d + s) } else { 0.0 },
-        table,
     })
 }
 

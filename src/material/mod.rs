@@ -226,6 +226,6 @@ impl Material {
     #[must_use]
     pub fn default_for(emitter: bool) -> Material {
         let reflectance = if emitter { Rgb::ZERO } else { Rgb::splat(0.5) };
-        Material::Surface(Surface::Diffuse { reflectance: Texture::constant(reflectance) })
+        Material::Surface(Surface::Diffuse { reflectance: Texture::Constant(reflectance) })
     }
 }

@@ -1,7 +1,7 @@
 //! The leaves of a material: one bsdf, its parameters read from textures.
 
 use crate::bsdf::{
-    Bsdf, Conductor, Dielectric, Diffuse, Distribution, Null, Plastic, RoughConductor, RoughDielectric,
+    Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor, RoughDielectric,
     RoughPlastic, RoughPlasticTable, ThinDielectric,
 };
 use crate::math::Vec2;
@@ -48,23 +48,28 @@ pub enum Surface {
         /// Roughness, if any.
         roughness: Option<Roughness>,
     },
-    /// `plastic` (no table) and `roughplastic`.
+    /// `plastic` and `roughplastic`.
     Plastic {
-        /// Interior over exterior index of refraction.
-        eta: f32,
+        /// The coat.
+        coat: Coating,
         /// Albedo of the base.
         diffuse: Texture,
         /// Factor on the specular reflection, 1 in nature.
         specular: Texture,
         /// Colour shifts from internal reflection are taken into account.
         nonlinear: bool,
-        /// Lobe selection: mean specular over mean total.
-        specular_weight: f32,
-        /// Roughness tables, if it is rough.
-        table: Option<Box<RoughPlasticTable>>,
     },
     /// `null`: nothing there.
     Null,
+}
+
+/// The coat of a plastic.
+#[derive(Debug)]
+pub enum Coating {
+    /// A mirror.
+    Smooth(Coat),
+    /// Rough, with its tables.
+    Rough(Box<RoughPlasticTable>),
 }
 
 /// Microfacet roughness.
@@ -79,9 +84,10 @@ pub struct Roughness {
 }
 
 impl Roughness {
-    fn at(&self, uv: Vec2) -> (f32, f32) {
+    fn at(&self, uv: Vec2) -> Microfacet {
         let u = self.alpha_u.eval_scalar(uv);
-        (u, self.alpha_v.as_ref().map_or(u, |t| t.eval_scalar(uv)))
+        let v = self.alpha_v.as_ref().map_or(u, |t| t.eval_scalar(uv));
+        Microfacet::new(self.distribution, u, v)
     }
 }
 
@@ -99,11 +105,8 @@ impl Surface {
                 }
             }
             Surface::RoughDielectric { eta, reflectance, transmittance, roughness } => {
-                let (alpha_u, alpha_v) = roughness.at(uv);
                 RoughDielectric {
-                    distribution: roughness.distribution,
-                    alpha_u,
-                    alpha_v,
+                    distribution: roughness.at(uv),
                     eta: *eta,
                     specular_reflectance: reflectance.eval(uv),
                     specular_transmittance: transmittance.eval(uv),
@@ -115,23 +118,20 @@ impl Surface {
                 match roughness {
                     None => Conductor { eta, k, specular_reflectance }.into(),
                     Some(roughness) => {
-                        let (alpha_u, alpha_v) = roughness.at(uv);
-                        let distribution = roughness.distribution;
-                        RoughConductor { distribution, alpha_u, alpha_v, eta, k, specular_reflectance }.into()
+                        RoughConductor { distribution: roughness.at(uv), eta, k, specular_reflectance }.into()
                     }
                 }
             }
-            Surface::Plastic { eta, diffuse, specular, nonlinear, specular_weight, table } => {
-                let plastic = Plastic {
-                    eta: *eta,
-                    diffuse_reflectance: diffuse.eval(uv),
-                    specular_reflectance: specular.eval(uv),
-                    nonlinear: *nonlinear,
-                    specular_weight: *specular_weight,
-                };
-                match table {
-                    None => plastic.into(),
-                    Some(table) => RoughPlastic { plastic, table }.into(),
+            Surface::Plastic { coat, diffuse, specular, nonlinear } => {
+                let (diffuse_reflectance, specular_reflectance) = (diffuse.eval(uv), specular.eval(uv));
+                let nonlinear = *nonlinear;
+                match coat {
+                    Coating::Smooth(coat) => {
+                        Plastic { coat: *coat, diffuse_reflectance, specular_reflectance, nonlinear }.into()
+                    }
+                    Coating::Rough(table) => {
+                        RoughPlastic { table, diffuse_reflectance, specular_reflectance, nonlinear }.into()
+                    }
                 }
             }
             Surface::Null => Null.into(),
@@ -147,7 +147,7 @@ impl Surface {
             Surface::RoughDielectric { .. } => "roughdielectric",
             Surface::Conductor { roughness: None, .. } => "conductor",
             Surface::Conductor { .. } => "roughconductor",
-            Surface::Plastic { table: None, .. } => "plastic",
+            Surface::Plastic { coat: Coating::Smooth(_), .. } => "plastic",
             Surface::Plastic { .. } => "roughplastic",
             Surface::Null => "null",
         }

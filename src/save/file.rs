@@ -54,3 +54,8 @@ fn hint(path: &Path, error: &io::Error) -> String {
         _ => format!("the folder `{}` must be writable", folder.display()),
     }
 }
+
+/// Writes `bytes` to `path`, whole or not at all.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole(path, |mut file| Ok(io::Write::write_all(&mut file, bytes)?))
+}

@@ -10,6 +10,7 @@ mod openexr;
 mod png;
 mod tone;
 
+pub use file::write_file;
 pub use openexr::{Header, Options, write_exr};
 pub use png::write_png;
 pub use tone::{Curve, Tone};

@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene};
 use crate::accel::Accel;
-use crate::camera::Camera;
+use crate::camera::{Camera, FilmSize, camera_position};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
 use crate::light::{AreaLight, Light, area_radiance_from_desc, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
 use crate::math::{DVec3, Transform};
 use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
-use crate::texture::Texture;
+use crate::texture::{Texture, Usage, texture_from_desc};
 
 /// Scene-file names of all shapes.
 const SHAPES: &[&str] = &["obj", "ply", "serialized", "rectangle", "cube", "sphere", "disk", "cylinder"];
@@ -45,8 +45,9 @@ impl Scene {
         let root = desc.params(desc.root);
         let sensor = one_sensor(&root)?;
         let (film, samples_per_pixel, file_sampler) = read_sensor(desc, sensor, options)?;
-        let recentre = crate::camera::camera_position(desc, sensor)?;
-        let camera = Camera::from_desc(desc, sensor, &film.camera_film(), recentre)?;
+        let recentre = camera_position(desc, sensor)?;
+        let film_size = FilmSize { width: film.size[0], height: film.size[1] };
+        let camera = Camera::from_desc(desc, sensor, film_size, recentre)?;
         let mut builder = Builder {
             desc,
             recentre,
@@ -63,7 +64,7 @@ impl Scene {
             builder.material_builder.build(desc, id)?;
         }
         for (_, id) in root.children(Category::Texture) {
-            Texture::from_desc(desc, id, crate::texture::Usage::Unbounded)?;
+            texture_from_desc(desc, id, Usage::Vector)?;
         }
         for (_, id) in root.children(Category::Emitter) {
             builder.emitter(id)?;

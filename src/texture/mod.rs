@@ -19,7 +19,7 @@ mod texels;
 
 pub use bitmap::{Bitmap, FilterType, WrapMode};
 pub use checkerboard::Checkerboard;
-pub use parse::{Usage, texture_param, texture_param_opt};
+pub use parse::{Usage, texture_from_desc, texture_param, texture_param_opt};
 pub use texels::Texels;
 
 use std::sync::Arc;

@@ -50,7 +50,7 @@ pub fn texture_param_opt(params: &Params, name: &'static str, usage: Usage) -> R
         Value::Rgb(c) => constant(DVec3::from(*c).as_vec3()),
         Value::Spectrum(pairs) => constant(spectrum(pairs, usage)),
         Value::Object(id) if scene.object(*id).category == Category::Texture => {
-            nested(scene, *id, usage).map(Some)
+            texture_from_desc(scene, *id, usage).map(Some)
         }
         other => Err(scene.error(
             param.pos,
@@ -80,7 +80,8 @@ fn constant(scene: &SceneDesc, pos: Pos, name: &str, c: Rgb, usage: Usage) -> Re
     Err(scene.error(pos, format!("`{name}` must {range}, found {value}")))
 }
 
-fn nested(scene: &SceneDesc, id: ObjectId, usage: Usage) -> Result<Texture> {
+/// The texture of a `<texture>` object; fails as [`texture_param`] does.
+pub fn texture_from_desc(scene: &SceneDesc, id: ObjectId, usage: Usage) -> Result<Texture> {
     let params = scene.params(id);
     let texture = match params.object().plugin.as_str() {
         "bitmap" => bitmap(&params, usage)?,
@@ -98,7 +99,7 @@ fn nested(scene: &SceneDesc, id: ObjectId, usage: Usage) -> Result<Texture> {
         "d65" => texture_param(&params, "scale", Rgb::ONE, usage)?,
         other => {
             return Err(params
-                .error(format!("there is no texture `{other}`"))
+                .error(format!("unknown texture `{other}`"))
                 .suggest(other, Texture::NAMES.iter().copied()));
         }
     };

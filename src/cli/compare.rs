@@ -1,0 +1,99 @@
+//! `etendue compare`.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use serde_json::json;
+
+use super::args::CompareArgs;
+use crate::desc::{Error, Result};
+use crate::load::{Picture, read_picture};
+use crate::study::{Metrics, Pair, RgbView, Verdict, ZOptions, ZReport, metrics, z_test};
+
+/// Interleaved RGB of a picture.
+struct Image {
+    width: usize,
+    height: usize,
+    rgb: Vec<f32>,
+}
+
+impl Image {
+    /// The colour of a picture, or its layer of that name (`error`).
+    fn of(picture: &Picture, layer: Option<&str>) -> Option<Image> {
+        let name = |c: &str| layer.map_or_else(|| c.to_owned(), |l| format!("{l}.{c}"));
+        let channels: Option<Vec<&[f32]>> =
+            ["R", "G", "B"].iter().map(|c| picture.channel(&name(c))).collect();
+        let grey = || if layer.is_none() { picture.channel("Y").map(|y| vec![y; 3]) } else { None };
+        let channels = channels.or_else(grey)?;
+        let rgb = (0..channels[0].len()).flat_map(|i| channels.iter().map(move |c| c[i])).collect();
+        Some(Image { width: picture.width as usize, height: picture.height as usize, rgb })
+    }
+
+    fn read(path: &Path) -> Result<(Picture, Image)> {
+        let picture = read_picture(path)?;
+        let image = Image::of(&picture, None).ok_or_else(|| {
+            Error::new(format!("`{}` has no channels R, G, B", path.display())).hint("nor Y")
+        })?;
+        Ok((picture, image))
+    }
+
+    fn view(&self) -> Result<RgbView<'_>> {
+        RgbView::new(self.width, self.height, &self.rgb)
+    }
+}
+
+/// Compares two images; fails when a z-test does.
+pub fn run(args: &CompareArgs) -> Result<ExitCode> {
+    let (picture, image) = Image::read(&args.image)?;
+    let (_, reference) = Image::read(&args.reference)?;
+    let pair = Pair::new(image.view()?, reference.view()?)?;
+    let measured = metrics(&pair);
+    let report = match &args.variance {
+        Some(path) => Some(test(&pair, &picture, &Image::read(path)?.1)?),
+        None => None,
+    };
+    if args.json {
+        println!("{:#}", to_json(&measured, report.as_ref()));
+    } else {
+        println!("{measured}");
+        if let Some(report) = &report {
+            println!("{report}");
+        }
+    }
+    let failed = report.is_some_and(|r| matches!(r.verdict, Verdict::Fail(_)));
+    Ok(if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+}
+
+/// The z-test, with the variance that the image itself tells in its error layer.
+fn test(pair: &Pair<'_>, picture: &Picture, variance: &Image) -> Result<ZReport> {
+    let own = Image::of(picture, Some("error")).map(|mut image| {
+        image.rgb.iter_mut().for_each(|e| *e *= *e);
+        image
+    });
+    let own = own.as_ref().map(Image::view).transpose()?;
+    z_test(pair, own, Some(variance.view()?), &ZOptions::default())
+}
+
+fn to_json(m: &Metrics, report: Option<&ZReport>) -> serde_json::Value {
+    let mut out = json!({
+        "mse": m.mse,
+        "rel_mse": m.rel_mse,
+        "rel_mse_trimmed": m.rel_mse_trimmed,
+        "mape": m.mape,
+        "smape": m.smape,
+        "psnr": m.psnr,
+        "flip": m.flip,
+        "skipped": m.skipped,
+    });
+    if let Some(r) = report {
+        out["z_test"] = json!({
+            "fraction_inside": r.pixels.fraction_inside,
+            "threshold": r.pixels.threshold,
+            "blocks_inside": r.blocks.fraction_inside,
+            "mean_relative_difference": r.mean_rel_diff,
+            "mean_relative_difference_error": r.mean_rel_diff_se,
+            "verdict": r.verdict.to_string(),
+        });
+    }
+    out
+}
