@@ -1,1 +1,19 @@
-//! Room `sampling`.
+//! Sequences, warps, tables and the weights of multiple importance sampling.
+//!
+//! [`Sampler`] hands out uniform numbers as a pure function of (seed, pixel,
+//! sample index, dimension); the warps turn them into directions and points;
+//! [`AliasTable`] picks one of many; [`power_heuristic`] weighs estimators.
+
+mod alias;
+mod mis;
+mod sampler;
+mod sobol;
+mod warp;
+
+pub use alias::{AliasSample, AliasTable};
+pub use mis::{balance_heuristic, power_heuristic};
+pub use sampler::{Sampler, half_of};
+pub use warp::{
+    UNIFORM_SPHERE_PDF, concentric_disk, cosine_hemisphere, cosine_hemisphere_pdf, uniform_cone,
+    uniform_cone_pdf, uniform_sphere, uniform_triangle,
+};

@@ -1,0 +1,134 @@
+//! Uniform numbers as a pure function of (seed, pixel, sample index, dimension).
+//!
+//! One randomised Sobol' set per pixel, in the order of the sample index:
+//!
+//! - the place in the pixel (x, y) and the first light sample (u, v) share the
+//!   joint 4D set of Sobol' dimensions 0 … 3, each Owen scrambled with a seed
+//!   of its own. The index is not shuffled, so every prefix of 2^k samples is
+//!   a (t, k, 4)-net with t ≤ 3;
+//! - everything else is padded: each dimension number has its own 2D set,
+//!   Sobol' dimensions 0 and 1 with the index shuffled and the values Owen
+//!   scrambled (Burley 2020, "Practical Hash-based Owen Scrambling", section
+//!   3). The shuffle is itself an Owen scramble of the bit-reversed index, so
+//!   aligned blocks of 2^k samples stay such blocks and are (0, k, 2)-nets.
+//!
+//! Indices are 64 bits wide, the sequence 32: the upper half of the index goes
+//! into the seed, so that each block of 2^32 samples is randomised anew. The
+//! mean stays right; the convergence beyond 2^32 samples of one pixel falls
+//! back to that of independent sets, at an error far below that of f32.
+
+use super::sobol::{owen_reversed, sobol_01, sobol_23, unit_float_reversed};
+use crate::math::Vec2;
+
+/// The uniform numbers of one sample of one pixel. Copy, without state: asking
+/// twice gives the same number twice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampler {
+    key: u64,
+    index: u32,
+}
+
+/// Which kind of number a hash is for, so that `get_1d(d)`, `get_2d(d)` and
+/// the joint set never share their randomisation.
+#[derive(Clone, Copy)]
+enum Use {
+    Joint = 0,
+    OneD = 1,
+    TwoD = 2,
+}
+
+impl Sampler {
+    /// The numbers of sample `index` of `pixel` in the randomisation `seed`.
+    #[must_use]
+    pub fn new(seed: u64, pixel: (i32, i32), index: u64) -> Sampler {
+        let place = (u64::from(pixel.0.cast_unsigned()) << 32) | u64::from(pixel.1.cast_unsigned());
+        let key = mix(mix(mix(seed ^ 0x6a09_e667_f3bc_c908) ^ place).wrapping_add(index >> 32));
+        Sampler { key, index: index as u32 }
+    }
+
+    /// The joint 4D set: place in the pixel and the first light sample, both
+    /// in [0, 1)².
+    #[must_use]
+    pub fn pixel_and_light(&self) -> (Vec2, Vec2) {
+        let (a, b) = self.seeds(Use::Joint, 0);
+        let ([x, y], [z, w]) = (sobol_01(self.index), sobol_23(self.index));
+        (
+            Vec2::new(scrambled(x, a as u32), scrambled(y, (a >> 32) as u32)),
+            Vec2::new(scrambled(z, b as u32), scrambled(w, (b >> 32) as u32)),
+        )
+    }
+
+    /// A number in [0, 1): stratified over the samples of the pixel,
+    /// independent of every other `dimension` and of `get_2d`.
+    #[must_use]
+    pub fn get_1d(&self, dimension: u32) -> f32 {
+        let (a, b) = self.seeds(Use::OneD, dimension);
+        let index = owen_reversed(self.index.reverse_bits(), b as u32).reverse_bits();
+        scrambled(index, a as u32)
+    }
+
+    /// A point in [0, 1)²: stratified over the samples of the pixel,
+    /// independent of every other `dimension` and of `get_1d`.
+    #[must_use]
+    pub fn get_2d(&self, dimension: u32) -> Vec2 {
+        let (a, b) = self.seeds(Use::TwoD, dimension);
+        let index = owen_reversed(self.index.reverse_bits(), b as u32).reverse_bits();
+        let [x, y] = sobol_01(index);
+        Vec2::new(scrambled(x, a as u32), scrambled(y, (a >> 32) as u32))
+    }
+
+    /// 128 hashed bits for one use of one dimension.
+    fn seeds(&self, kind: Use, dimension: u32) -> (u64, u64) {
+        let name = (u64::from(dimension) << 2) | kind as u64;
+        let a = mix(self.key ^ name.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+        (a, mix(a.wrapping_add(0xd1b5_4a32_d192_ed03)))
+    }
+}
+
+/// Which of the two interleaved halves of a pixel's set a sample belongs to: 0
+/// or 1. The parity of every second bit of the index, so that both halves of
+/// any 4^k samples are themselves well spread.
+#[must_use]
+pub fn half_of(index: u64) -> usize {
+    ((index & 0xaaaa_aaaa_aaaa_aaaa).count_ones() & 1) as usize
+}
+
+fn scrambled(reversed: u32, seed: u32) -> f32 {
+    unit_float_reversed(owen_reversed(reversed, seed))
+}
+
+/// A bijective 64-bit hash: the output function of SplitMix64 (Steele et al.
+/// 2014, "Fast Splittable Pseudorandom Number Generators", variant 13 of
+/// Stafford's constants).
+fn mix(mut x: u64) -> u64 {
+    x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_equal_and_interleaved() {
+        for block in 0..16u64 {
+            let ones: usize = (16 * block..16 * block + 16).map(half_of).sum();
+            assert_eq!(ones, 8);
+        }
+        assert_eq!([0, 1, 2, 3, 8, 10].map(half_of), [0, 0, 1, 1, 1, 0]);
+    }
+
+    #[test]
+    fn hash_differs_in_half_of_the_bits() {
+        let mut sum = 0;
+        for i in 0..64 {
+            for k in 0..64u64 {
+                sum += (mix(k * 0x1234_5677) ^ mix((k * 0x1234_5677) ^ (1 << i))).count_ones();
+            }
+        }
+        let mean = f64::from(sum) / 4096.0;
+        assert!((mean - 32.0).abs() < 0.3, "{mean}");
+    }
+}

@@ -1,0 +1,176 @@
+//! The sequences: stratification, convergence, independence.
+
+use etendue::math::Vec2;
+use etendue::sampling::Sampler;
+
+/// Every elementary interval of 2^-(m-t) holds exactly 2^t of the points.
+fn assert_net<const D: usize>(points: &[[f32; D]], t: u32, what: &str) {
+    let m = points.len().ilog2();
+    let mut shapes = 0;
+    let mut split = [0u32; D];
+    loop {
+        if split.iter().sum::<u32>() == m - t {
+            shapes += 1;
+            let mut count = vec![0u32; 1 << (m - t)];
+            for p in points {
+                let cell = (0..D).fold(0, |cell, d| {
+                    (cell << split[d]) + (f64::from(p[d]) * f64::from(1u32 << split[d])) as usize
+                });
+                count[cell] += 1;
+            }
+            assert!(count.iter().all(|c| *c == 1 << t), "{what}: {} points, split {split:?}", points.len());
+        }
+        let Some(d) = (0..D).find(|d| split[*d] < m - t) else { break };
+        split[d] += 1;
+        split[..d].fill(0);
+    }
+    assert!(shapes > 0);
+}
+
+#[test]
+fn padded_sets_are_nets_in_every_aligned_block() {
+    for dimension in [0, 1, 7, 10_001, u32::MAX] {
+        for m in [1, 4, 8, 10] {
+            for block in [0, 3, (1 << 33) + 1] {
+                let first = block << m;
+                let points: Vec<[f32; 2]> = (first..first + (1 << m))
+                    .map(|i| Sampler::new(3, (5, -2), i).get_2d(dimension).to_array())
+                    .collect();
+                assert_net(&points, 0, "padded 2D");
+                let points: Vec<[f32; 1]> = (first..first + (1 << m))
+                    .map(|i| [Sampler::new(3, (5, -2), i).get_1d(dimension)])
+                    .collect();
+                assert_net(&points, 0, "padded 1D");
+            }
+        }
+    }
+}
+
+#[test]
+fn joint_set_is_a_net() {
+    for m in [3, 4, 6, 8, 10] {
+        let points: Vec<[f32; 4]> = (0..1 << m)
+            .map(|i| {
+                let (p, l) = Sampler::new(9, (17, 4), i).pixel_and_light();
+                [p.x, p.y, l.x, l.y]
+            })
+            .collect();
+        assert_net(&points, 3, "joint 4D");
+        assert_net(&points.iter().map(|p| [p[0], p[1]]).collect::<Vec<_>>(), 0, "pixel");
+        for d in 0..4 {
+            assert_net(&points.iter().map(|p| [p[d]]).collect::<Vec<_>>(), 0, "each dimension");
+        }
+    }
+}
+
+/// Root mean square error over many pixels of the mean of `n` values.
+fn rms_error(n: u64, expected: f64, f: &dyn Fn(&Sampler) -> f64) -> f64 {
+    let pixels = 256;
+    let square: f64 = (0..pixels)
+        .map(|x| {
+            let sum: f64 = (0..n).map(|i| f(&Sampler::new(1, (x, 3), i))).sum();
+            (sum / n as f64 - expected).powi(2)
+        })
+        .sum();
+    (square / f64::from(pixels)).sqrt()
+}
+
+fn bump(u: Vec2) -> f64 {
+    (f64::from(u.x) * 2.0).exp() * (f64::from(u.y) * 1.5).cos()
+}
+
+#[test]
+fn smooth_integrands_converge_faster_than_independent_samples() {
+    let mean = (2f64.exp().powi(1) - 1.0) / 2.0 * (1.5f64.sin() / 1.5);
+    for get in
+        [(&|s: &Sampler| bump(s.get_2d(4))) as &dyn Fn(&Sampler) -> f64, &|s| bump(s.pixel_and_light().0)]
+    {
+        let (few, many) = (rms_error(64, mean, get), rms_error(1024, mean, get));
+        let order = (few / many).log2() / 4.0;
+        assert!(order > 1.3, "error falls as N^-{order}");
+        assert!(many < 2e-4, "{many}");
+    }
+    // The joint set on a 4D integrand: a net with t = 3, still beyond 1/√N.
+    let joint = |s: &Sampler| {
+        let (p, l) = s.pixel_and_light();
+        bump(p) * bump(l)
+    };
+    let (few, many) = (rms_error(64, mean * mean, &joint), rms_error(1024, mean * mean, &joint));
+    let order = (few / many).log2() / 4.0;
+    assert!(order > 0.9, "4D error falls as N^-{order}");
+}
+
+#[test]
+fn estimates_are_unbiased_over_seeds() {
+    // Single samples over many seeds: independent, so the mean is within 5 σ.
+    for index in [0, 1, 5, 1000, (1 << 40) + 3] {
+        let n = 20_000;
+        let mut sum = [0.0; 5];
+        let mut square = [0.0; 5];
+        for seed in 0..n {
+            let s = Sampler::new(seed, (2, 2), index);
+            let ((p, l), q) = (s.pixel_and_light(), s.get_2d(12));
+            for (k, v) in [p.x, p.y, l.x, l.y, q.y].into_iter().enumerate() {
+                assert!((0.0..1.0).contains(&v));
+                sum[k] += f64::from(v);
+                square[k] += f64::from(v * v);
+            }
+        }
+        let sigma = (1.0 / 12.0 / n as f64).sqrt();
+        for k in 0..5 {
+            assert!((sum[k] / n as f64 - 0.5).abs() < 5.0 * sigma, "index {index}, number {k}");
+            assert!((square[k] / n as f64 - 1.0 / 3.0).abs() < 5.0 * sigma);
+        }
+    }
+}
+
+/// Correlation coefficient of pairs.
+fn correlation(pairs: &[(f32, f32)]) -> f64 {
+    let n = pairs.len() as f64;
+    let mean = |f: &dyn Fn(&(f32, f32)) -> f64| pairs.iter().map(f).sum::<f64>() / n;
+    let (mx, my) = (mean(&|p| f64::from(p.0)), mean(&|p| f64::from(p.1)));
+    let cov = mean(&|p| (f64::from(p.0) - mx) * (f64::from(p.1) - my));
+    let var = |m: f64, f: &dyn Fn(&(f32, f32)) -> f64| mean(&|p| (f(p) - m).powi(2));
+    cov / (var(mx, &|p| f64::from(p.0)) * var(my, &|p| f64::from(p.1))).sqrt()
+}
+
+#[test]
+fn dimensions_pixels_and_seeds_are_not_correlated() {
+    let n = 1 << 14;
+    let limit = 5.0 / f64::from(n).sqrt();
+    let check = |what: &str, f: &dyn Fn(i32) -> (f32, f32)| {
+        let pairs: Vec<_> = (0..n).map(f).collect();
+        let r = correlation(&pairs);
+        assert!(r.abs() < limit, "{what}: r = {r}");
+    };
+    let at = |x: i32, y: i32, i: i32| Sampler::new(0, (x, y), i as u64);
+    for (a, b) in [(0, 1), (1, 2), (0, 10_000), (3, 1 << 20)] {
+        check("dimensions, over the samples", &|i| (at(0, 0, i).get_1d(a), at(0, 0, i).get_1d(b)));
+        check("2D sets, over the samples", &|i| (at(1, 0, i).get_2d(a).x, at(1, 0, i).get_2d(b).y));
+        check("dimensions, over the pixels", &|x| (at(x, 7, 0).get_1d(a), at(x, 7, 0).get_1d(b)));
+    }
+    check("1D against 2D", &|i| (at(4, 4, i).get_1d(3), at(4, 4, i).get_2d(3).x));
+    check("joint against padded", &|i| (at(4, 4, i).pixel_and_light().0.x, at(4, 4, i).get_2d(0).x));
+    check("neighbours", &|x| (at(x, 0, 0).get_1d(0), at(x + 1, 0, 0).get_1d(0)));
+    check("rows", &|x| (at(x, 0, 0).get_2d(0).y, at(x, 1, 0).get_2d(0).y));
+    check("transposed", &|x| (at(x, 1, 5).get_1d(0), at(1, x + 2, 5).get_1d(0)));
+    check("pixels, over the samples", &|i| (at(3, 3, i).get_1d(0), at(4, 3, i).get_1d(0)));
+    check("seeds", &|i| {
+        (Sampler::new(1, (0, 0), i as u64).get_1d(0), Sampler::new(2, (0, 0), i as u64).get_1d(0))
+    });
+    check("blocks of 2^32", &|i| {
+        (at(3, 3, i).get_1d(0), Sampler::new(0, (3, 3), (1 << 32) + i as u64).get_1d(0))
+    });
+}
+
+#[test]
+fn numbers_never_reach_one_and_are_replayed() {
+    let mut largest: f32 = 0.0;
+    for i in 0..200_000u64 {
+        let s = Sampler::new(77, (i as i32 % 13, -5), i.wrapping_mul(0x1_0000_0fab));
+        let v = s.get_2d(i as u32);
+        largest = largest.max(v.x.max(v.y)).max(s.get_1d(i as u32));
+        assert_eq!(v, Sampler::new(77, (i as i32 % 13, -5), i.wrapping_mul(0x1_0000_0fab)).get_2d(i as u32));
+    }
+    assert!(largest < 1.0 && largest > 0.999);
+}
