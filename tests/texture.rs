@@ -250,6 +250,22 @@ fn checkerboard_is_mitsubas_also_where_it_swaps_numbers() {
 }
 
 #[test]
+fn spectra_are_mitsubas() {
+    // Printed by `mi.traverse` of `<spectrum name="radiance" value="400:1,500:2,700:.5"/>` in an
+    // emitter and `<spectrum name="reflectance" value="400:.1,500:.2,700:.5"/>` in a bsdf.
+    let mut d = Describe::new();
+    let mut constant = |pairs: &[(f64, f64)], usage| {
+        let owner =
+            d.object(Category::Bsdf, "diffuse", vec![("reflectance", Value::Spectrum(pairs.to_vec()))]);
+        texture_param(&d.scene.params(owner), "reflectance", Rgb::ZERO, usage).unwrap()
+    };
+    let t = constant(&[(400.0, 1.0), (500.0, 2.0), (700.0, 0.5)], Usage::Radiance);
+    check("radiance", &t, [0.0, 0.0], [1.1294829, 1.6563047, 1.3742533], None);
+    let t = constant(&[(400.0, 0.1), (500.0, 0.2), (700.0, 0.5)], Usage::Reflectance);
+    check("reflectance", &t, [0.0, 0.0], [0.41305548, 0.26246575, 0.13673052], None);
+}
+
+#[test]
 fn refusals_name_the_place_and_the_texel() {
     let message = |r: Result<Texture, Error>| r.unwrap_err().to_string();
     let mut bad = FLOATS.to_vec();

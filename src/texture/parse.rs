@@ -3,7 +3,7 @@
 
 use super::bitmap::Lookup;
 use super::{Bitmap, Checkerboard, FilterType, Texture, WrapMode};
-use crate::color::spectrum_to_rgb;
+use crate::color::{reflectance_spectrum_to_rgb, spectrum_to_rgb};
 use crate::desc::{Category, Error, ObjectId, Params, Pos, Result, SceneDesc, Value};
 use crate::math::{DVec3, Rgb};
 
@@ -59,13 +59,13 @@ pub fn texture_param_opt(params: &Params, name: &'static str, usage: Usage) -> R
     }
 }
 
-/// RGB of a spectrum. A reflectance out of gamut is clamped to \[0, 1\], an
-/// emission to ≥ 0, as Mitsuba does.
+/// RGB of a spectrum: an emission as it is, anything else as seen under D65. A
+/// reflectance out of gamut is clamped to \[0, 1\], as Mitsuba does.
 fn spectrum(pairs: &[(f64, f64)], usage: Usage) -> Rgb {
-    let c = spectrum_to_rgb(pairs);
     match usage {
-        Usage::Reflectance => c.clamp(Rgb::ZERO, Rgb::ONE),
-        _ => c.max(Rgb::ZERO),
+        Usage::Radiance => spectrum_to_rgb(pairs),
+        Usage::Reflectance => reflectance_spectrum_to_rgb(pairs).clamp(Rgb::ZERO, Rgb::ONE),
+        Usage::Scalar | Usage::Vector => reflectance_spectrum_to_rgb(pairs),
     }
 }
 

@@ -52,7 +52,7 @@ pub fn vector(x: f64, y: f64, z: f64) -> Value {
 }
 
 pub fn transform(matrix: DMat4) -> Value {
-    Value::Transform(Transform::from_matrix(matrix).unwrap())
+    Value::Transform(Transform::from_matrix(matrix).expect("an invertible matrix"))
 }
 
 /// Mitsuba's `look_at`: z towards the target, x = up × z, y = z × x.

@@ -1,0 +1,148 @@
+//! Cameras from scene files.
+
+use glam::DVec2;
+
+use super::{Camera, Clip, FilmSize, Orthographic, Perspective, Pose, ThinLens};
+use crate::desc::{Category, ObjectId, Params, Result, SceneDesc};
+use crate::math::{DVec3, Transform};
+
+/// Where the camera of the `<sensor>` object `id` stands in the world: what to
+/// recentre the scene on.
+pub fn camera_position(scene: &SceneDesc, id: ObjectId) -> Result<DVec3> {
+    Ok(scene.params(id).transform("to_world")?.point(DVec3::ZERO))
+}
+
+pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: DVec3) -> Result<Camera> {
+    let params = scene.params(id);
+    let to_world = params.transform("to_world")?;
+    let pose = Pose::new(to_world, recentre);
+    let clip = clip(&params)?;
+    let focus_distance = positive(&params, "focus_distance", clip.far)?;
+    shutter(&params)?;
+    // Built by the rooms that own them.
+    params.children(Category::Film);
+    params.children(Category::Sampler);
+
+    let camera = match params.object().plugin.as_str() {
+        "perspective" => {
+            rigid(&params, &to_world)?;
+            let offset = DVec2::new(
+                params.float("principal_point_offset_x", 0.0)?,
+                params.float("principal_point_offset_y", 0.0)?,
+            );
+            Perspective::new(pose, film, clip, x_fov_deg(&params, film.aspect())?, offset).into()
+        }
+        "thinlens" => {
+            rigid(&params, &to_world)?;
+            let pinhole = Perspective::new(pose, film, clip, x_fov_deg(&params, film.aspect())?, DVec2::ZERO);
+            let aperture_radius = params
+                .float_opt("aperture_radius")?
+                .ok_or_else(|| params.error("sensor `thinlens` needs an `aperture_radius`"))?;
+            if !(aperture_radius >= 0.0) {
+                return Err(params.error_at(
+                    "aperture_radius",
+                    format!("`aperture_radius` must not be negative, found {aperture_radius}"),
+                ));
+            }
+            ThinLens::new(pinhole, aperture_radius, focus_distance).into()
+        }
+        "orthographic" => Orthographic::new(pose, film, clip).into(),
+        other => {
+            return Err(params
+                .error(format!("there is no sensor `{other}`"))
+                .suggest(other, Camera::NAMES.iter().copied()));
+        }
+    };
+    params.finish()?;
+    Ok(camera)
+}
+
+fn positive(params: &Params, name: &'static str, default: f64) -> Result<f64> {
+    let value = params.float(name, default)?;
+    if !(value > 0.0) {
+        return Err(params.error_at(name, format!("`{name}` must be greater than zero, found {value}")));
+    }
+    Ok(value)
+}
+
+fn clip(params: &Params) -> Result<Clip> {
+    let near = positive(params, "near_clip", 1e-2)?;
+    let far = params.float("far_clip", 1e4)?;
+    if !(near < far) {
+        let name = if params.has("far_clip") { "far_clip" } else { "near_clip" };
+        return Err(
+            params.error_at(name, format!("`near_clip` ({near}) must be smaller than `far_clip` ({far})"))
+        );
+    }
+    Ok(Clip { near, far })
+}
+
+fn shutter(params: &Params) -> Result<()> {
+    let open = params.float("shutter_open", 0.0)?;
+    let close = params.float("shutter_close", 0.0)?;
+    if open > close {
+        return Err(params.error_at(
+            "shutter_open",
+            format!("`shutter_open` ({open}) must not be later than `shutter_close` ({close})"),
+        ));
+    }
+    Ok(())
+}
+
+/// A perspective camera takes rotations, mirrors and translations only.
+fn rigid(params: &Params, to_world: &Transform) -> Result<()> {
+    let m = to_world.matrix;
+    let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
+    let right = |i: usize, j: usize| {
+        let expected = if i == j { 1.0 } else { 0.0 };
+        (columns[i].dot(columns[j]) - expected).abs() < 1e-3
+    };
+    if (0..3).all(|i| (0..3).all(|j| right(i, j))) {
+        return Ok(());
+    }
+    Err(params
+        .error_at("to_world", format!("`to_world` of sensor `{}` must not scale", params.object().plugin))
+        .hint("put the scale into the scene, or use `fov`"))
+}
+
+/// The horizontal field of view in degrees.
+fn x_fov_deg(params: &Params, aspect: f64) -> Result<f64> {
+    let Some(fov) = params.float_opt("fov")? else {
+        return Ok(from_diagonal(36.0f64.hypot(24.0) / (2.0 * focal_length(params)?), aspect));
+    };
+    if params.has("focal_length") {
+        return Err(params.error_at("focal_length", "give either `fov` or `focal_length`, not both"));
+    }
+    if !(fov > 0.0 && fov < 180.0) {
+        return Err(params.error_at("fov", format!("`fov` must lie between 0 and 180 degrees, found {fov}")));
+    }
+    let word = params.string_opt("fov_axis")?.unwrap_or("x").to_lowercase();
+    let tangent = (0.5 * fov).to_radians().tan();
+    let from_y = || 2.0 * (tangent * aspect).atan().to_degrees();
+    match (word.as_str(), aspect > 1.0) {
+        ("x", _) | ("smaller", false) | ("larger", true) => Ok(fov),
+        ("y", _) | ("smaller", true) | ("larger", false) => Ok(from_y()),
+        ("diagonal", _) => Ok(from_diagonal(tangent, aspect)),
+        _ => Err(params
+            .error_at("fov_axis", format!("`fov_axis` has no value `{word}`"))
+            .suggest(&word, ["x", "y", "diagonal", "smaller", "larger"])),
+    }
+}
+
+/// From the tangent of half the diagonal field of view.
+fn from_diagonal(tangent: f64, aspect: f64) -> f64 {
+    2.0 * (tangent / (1.0 + 1.0 / (aspect * aspect)).sqrt()).atan().to_degrees()
+}
+
+/// In millimetres: `50mm`, or just `50`.
+fn focal_length(params: &Params) -> Result<f64> {
+    let Some(word) = params.string_opt("focal_length")? else { return Ok(50.0) };
+    let digits = word.trim().trim_end_matches("mm").trim_end();
+    match digits.parse::<f64>() {
+        Ok(v) if v > 0.0 && v.is_finite() => Ok(v),
+        _ => Err(params.error_at(
+            "focal_length",
+            format!("`focal_length` must be a length in millimetres like `50mm`, found `{word}`"),
+        )),
+    }
+}
