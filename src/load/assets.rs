@@ -105,8 +105,8 @@ fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {
         }
         Request::Image => {
             let name = job.path.display().to_string();
-            let (image, warnings) = image_file::read(&job.path, &name, options.max_image_bytes)?;
-            Ok((Decoded::Image(image), warnings))
+            let image = image_file::read(&job.path, &name, options.max_image_bytes)?;
+            Ok((Decoded::Image(image), Vec::new()))
         }
     }
 }

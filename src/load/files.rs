@@ -30,11 +30,12 @@ pub fn find(name: &str, dirs: &[PathBuf]) -> Result<PathBuf> {
             .hint(format!("only files on this machine are read, not `{scheme}:` addresses")));
     }
     let path = Path::new(name);
-    let candidates: Vec<PathBuf> = if path.is_absolute() {
+    let mut candidates: Vec<PathBuf> = if path.is_absolute() {
         vec![path.to_path_buf()]
     } else {
         dirs.iter().map(|d| d.join(path)).collect()
     };
+    candidates.dedup();
     if let Some(found) = candidates.iter().find(|p| p.exists()) {
         return Ok(found.clone());
     }

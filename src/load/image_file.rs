@@ -1,30 +1,31 @@
 //! Images for textures and environment maps: OpenEXR, Radiance HDR, PNG, JPEG,
 //! TGA and BMP, known by their first bytes (TGA by its ending).
 //!
-//! Of an OpenEXR file this takes the channels R G B (A), or X Y Z (converted to
-//! linear sRGB), or Y (A), of the one layer that has them, or the only channel
-//! there is.
+//! Of an OpenEXR file this takes the channels R G B (A), or X Y Z, or Y (A), of
+//! the one layer that has them, or the only channel there is. Colours of other
+//! primaries or white than Rec. 709 are converted through CIE XYZ without
+//! chromatic adaptation, as Mitsuba 3 does.
 
 use std::io::Cursor;
 use std::path::Path;
 
+use glam::DMat3;
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Limits};
 
 use super::exr_file::{self, ExrFile};
 use super::files;
 use crate::desc::{Error, Image, Pixels, Result};
+use crate::math::DVec3;
 
-/// Reads an image whose pixels take at most `max_bytes`; gives warnings too.
-pub fn read(path: &Path, name: &str, max_bytes: u64) -> Result<(Image, Vec<String>)> {
+/// Reads an image whose pixels take at most `max_bytes`.
+pub fn read(path: &Path, name: &str, max_bytes: u64) -> Result<Image> {
     if is_exr(path)? {
         let file = exr_file::read(path, max_bytes)?;
-        let warnings = primaries_warning(&file, name).into_iter().collect();
-        let image = from_exr(file, name)
-            .map_err(|message| Error::new(format!("image `{}`: {message}", path.display())))?;
-        return Ok((image, warnings));
+        return from_exr(file, name)
+            .map_err(|message| Error::new(format!("image `{}`: {message}", path.display())));
     }
     let (image, _) = decode(path, max_bytes)?;
-    Ok((from_dynamic(image, name), Vec::new()))
+    Ok(from_dynamic(image, name))
 }
 
 /// True if a file starts as OpenEXR files do.
@@ -87,12 +88,37 @@ fn from_dynamic(image: DynamicImage, name: &str) -> Image {
 
 /// Rec. 709 primaries and D65, which scene-linear RGB means here.
 const REC709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+/// Primaries of CIE XYZ itself.
+const XYZ: [f32; 8] = [1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0];
 
-fn primaries_warning(file: &ExrFile, name: &str) -> Option<String> {
-    let given = file.chromaticities?;
-    let differs = given.iter().zip(REC709).any(|(a, b)| (a - b).abs() > 2e-3);
-    differs
-        .then(|| format!("{name}: its primaries are not those of Rec. 709; they are taken as if they were"))
+/// RGB of these primaries to CIE XYZ; white has Y = 1.
+fn to_xyz(primaries: &[f32; 8]) -> DMat3 {
+    let p = primaries.map(f64::from);
+    let xyz = |i: usize| DVec3::new(p[i], p[i + 1], 1.0 - p[i] - p[i + 1]);
+    let unscaled = DMat3::from_cols(xyz(0), xyz(2), xyz(4));
+    let scale = unscaled.inverse() * (xyz(6) / p[7]);
+    unscaled * DMat3::from_diagonal(scale)
+}
+
+/// Converts the first three of `channels` per pixel to Rec. 709, if need be.
+fn to_rec709(
+    data: &mut [f32],
+    channels: usize,
+    primaries: Option<[f32; 8]>,
+) -> std::result::Result<(), String> {
+    let Some(primaries) = primaries else { return Ok(()) };
+    if primaries.iter().zip(REC709).all(|(a, b)| (a - b).abs() < 1e-4) {
+        return Ok(());
+    }
+    let matrix = to_xyz(&REC709).inverse() * to_xyz(&primaries);
+    if !matrix.is_finite() {
+        return Err("its chromaticities span no colours".into());
+    }
+    for pixel in data.chunks_exact_mut(channels) {
+        let rgb = matrix * DVec3::new(pixel[0].into(), pixel[1].into(), pixel[2].into());
+        pixel[..3].copy_from_slice(&rgb.as_vec3().to_array());
+    }
+    Ok(())
 }
 
 /// The channels of one layer by their last names.
@@ -105,15 +131,6 @@ fn pick<'a>(file: &'a ExrFile, layer: &str, names: &[&str]) -> Option<Vec<&'a [f
         file.channels.iter().find(|(name, _)| is_wanted(name)).map(|(_, data)| data.as_slice())
     };
     names.iter().map(find).collect()
-}
-
-/// CIE XYZ to linear Rec. 709 (IEC 61966-2-1).
-fn xyz_to_rgb([x, y, z]: [f32; 3]) -> [f32; 3] {
-    [
-        3.240_479 * x - 1.537_15 * y - 0.498_535 * z,
-        -0.969_256 * x + 1.875_991 * y + 0.041_556 * z,
-        0.055_648 * x - 0.204_043 * y + 1.057_311 * z,
-    ]
 }
 
 fn from_exr(file: ExrFile, name: &str) -> std::result::Result<Image, String> {
@@ -147,14 +164,14 @@ fn from_exr(file: ExrFile, name: &str) -> std::result::Result<Image, String> {
     };
     for names in [&["R", "G", "B", "A"][..], &["R", "G", "B"]] {
         if let Some(channels) = pick(&file, layer, names) {
-            return Ok(image(names.len() as u32, interleave(&channels)));
+            let mut data = interleave(&channels);
+            to_rec709(&mut data, names.len(), file.chromaticities)?;
+            return Ok(image(names.len() as u32, data));
         }
     }
     if let Some(channels) = pick(&file, layer, &["X", "Y", "Z"]) {
         let mut data = interleave(&channels);
-        for pixel in data.chunks_exact_mut(3) {
-            pixel.copy_from_slice(&xyz_to_rgb([pixel[0], pixel[1], pixel[2]]));
-        }
+        to_rec709(&mut data, 3, Some(XYZ))?;
         return Ok(image(3, data));
     }
     if pick(&file, layer, &["RY"]).is_some() || pick(&file, layer, &["BY"]).is_some() {
@@ -172,4 +189,24 @@ fn interleave(channels: &[&[f32]]) -> Vec<f32> {
         out.extend(channels.iter().map(|c| c[i]));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rec. 709 to XYZ as published (IEC 61966-2-1, to its digits).
+    #[test]
+    fn primaries() {
+        let m = to_xyz(&REC709).transpose().to_cols_array();
+        let published = [0.4124, 0.3576, 0.1805, 0.2126, 0.7152, 0.0722, 0.0193, 0.1192, 0.9505];
+        for (a, b) in m.into_iter().zip(published) {
+            assert!((a - b).abs() < 1e-4, "{m:?}");
+        }
+        assert!(to_xyz(&XYZ).abs_diff_eq(DMat3::IDENTITY, 1e-6));
+        let mut pixel = [0.4124, 0.2126, 0.0193, 0.5];
+        to_rec709(&mut pixel, 4, Some(XYZ)).unwrap();
+        assert!((pixel[0] - 1.0).abs() < 1e-3 && pixel[1].abs() < 1e-3 && pixel[3] == 0.5, "{pixel:?}");
+        assert!(to_rec709(&mut pixel, 4, Some([0.3; 8])).is_err());
+    }
 }

@@ -96,7 +96,5 @@ pub fn read_mesh(path: &Path) -> Result<Mesh> {
 /// Reads one image file as a texture would.
 pub fn read_image(path: &Path, options: &LoadOptions) -> Result<Image> {
     let name = path.display().to_string();
-    image_file::read(path, &name, options.max_image_bytes)
-        .map(|(image, _)| image)
-        .map_err(|e| e.at(name, Default::default()))
+    image_file::read(path, &name, options.max_image_bytes).map_err(|e| e.at(name, Default::default()))
 }

@@ -23,7 +23,6 @@ const NORMALS: u32 = 0x1;
 const UVS: u32 = 0x2;
 const COLORS: u32 = 0x8;
 const FACE_NORMALS: u32 = 0x10;
-const SINGLE: u32 = 0x1000;
 const DOUBLE: u32 = 0x2000;
 /// More than zlib can expand (1032 to 1).
 const EXPANSION: u64 = 1100;
@@ -148,11 +147,7 @@ impl<R: Read> Shape<R> {
         if vertices >= u64::from(u32::MAX) {
             return Err(format!("{vertices} vertices are too many"));
         }
-        let double = match flags & (SINGLE | DOUBLE) {
-            SINGLE => false,
-            DOUBLE => true,
-            _ => return Err(format!("the flags {flags:#x} name no precision")),
-        };
+        let double = flags & DOUBLE != 0;
         let positions = self.floats::<3>(vertices, double, "position")?;
         let mut mesh = Mesh { positions: positions.into_iter().map(Vec3::from).collect(), ..Mesh::default() };
         if flags & NORMALS != 0 {
