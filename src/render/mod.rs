@@ -104,7 +104,6 @@ impl Monitor for Quiet {
 }
 
 /// A finished render.
-#[derive(Debug)]
 pub struct Rendered {
     /// The film with all its sums.
     pub film: Film,

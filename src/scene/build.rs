@@ -8,7 +8,7 @@ use crate::accel::Accel;
 use crate::camera::{Camera, FilmSize, camera_position};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
-use crate::light::{AreaLight, Light, area_radiance_from_desc, emitter_from_desc};
+use crate::light::{AreaEmission, AreaLight, Light, area_emission_from_desc, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
 use crate::math::{DVec3, Transform};
 use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
@@ -20,7 +20,7 @@ const SHAPES: &[&str] = &["obj", "ply", "serialized", "rectangle", "cube", "sphe
 /// A light under construction: area lights need the finished geometry.
 enum Pending {
     Ready(Light),
-    Area { shape: ShapeId, radiance: Texture, weight: f64, object: ObjectId },
+    Area { shape: ShapeId, emission: AreaEmission, object: ObjectId },
 }
 
 struct Builder<'a> {
@@ -153,14 +153,14 @@ impl Builder<'_> {
             Some((_, bsdf)) => self.material_builder.build(desc, *bsdf)?,
             None => Arc::new(Material::default_for(!emitters.is_empty())),
         };
-        let radiance = match emitters.as_slice() {
+        let emission = match emitters.as_slice() {
             [] => None,
-            [(_, emitter)] => Some(self.area(*emitter)?),
+            [(_, emitter)] => Some(area_emission_from_desc(desc, *emitter)?),
             [_, (_, second), ..] => {
                 return Err(desc.error(desc.object(*second).pos, "a shape has one emitter only"));
             }
         };
-        let textured_light = radiance.as_ref().is_some_and(|(t, _)| t.is_constant().is_none());
+        let textured_light = emission.as_ref().is_some_and(|e| e.radiance.is_constant().is_none());
         let shape = self.geometry(&params, &material, textured_light)?;
         params.finish()?;
         let Some(shape) = shape else { return Ok(()) };
@@ -170,19 +170,10 @@ impl Builder<'_> {
             self.material_of_shape.resize(slot + 1, 0);
         }
         self.material_of_shape[slot] = index;
-        if let Some((radiance, weight)) = radiance {
-            self.pending.push(Pending::Area { shape, radiance, weight, object: id });
+        if let Some(emission) = emission {
+            self.pending.push(Pending::Area { shape, emission, object: id });
         }
         Ok(())
-    }
-
-    fn area(&self, emitter: ObjectId) -> Result<(Texture, f64)> {
-        let object = self.desc.object(emitter);
-        if object.plugin != "area" {
-            let message = format!("emitter `{}` cannot stand inside a shape", object.plugin);
-            return Err(self.desc.error(object.pos, message).hint("only `area` can"));
-        }
-        area_radiance_from_desc(self.desc, emitter)
     }
 
     /// Adds the primitives of a shape; `None` when it has none.
@@ -193,6 +184,7 @@ impl Builder<'_> {
         let options = |face_normals| MeshOptions {
             flip_normals: flip,
             face_normals,
+            keep_normals: true,
             keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
         };
         let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
@@ -207,8 +199,7 @@ impl Builder<'_> {
             }
             "cube" => {
                 let options = options(params.bool("face_normals", false)?);
-                let (shape, _) = self.geometry.add_cube(&to_world, options).map_err(at)?;
-                return Ok(Some(shape));
+                return self.geometry.add_cube(&to_world, options).map(Some).map_err(at);
             }
             "rectangle" => self.geometry.add_rectangle(&to_world, flip),
             "disk" => self.geometry.add_disk(&to_world, flip),
@@ -259,41 +250,36 @@ impl Builder<'_> {
     fn finish(mut self, camera: Camera, film: FilmSpec, spp: u64, options: &BuildOptions) -> Result<Scene> {
         let geometry = std::mem::take(&mut self.geometry).finish();
         let accel = Accel::build_named(options.accel.as_deref(), &geometry)?;
-        let mut light_of_shape = vec![NO_LIGHT; geometry.shape_count()];
-        let (mut lights, mut weights) = (Vec::new(), Vec::new());
+        let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
+        let radius = f64::from(accel.bounds().bounding_sphere().1);
+        let (mut lights, mut power) = (Vec::new(), Vec::new());
         for pending in std::mem::take(&mut self.pending) {
-            let (light, weight) = match pending {
-                Pending::Ready(light) => {
-                    let weight = light.sampling_weight();
-                    (light, weight)
-                }
-                Pending::Area { shape, radiance, weight, object } => {
+            let (light, shape) = match pending {
+                Pending::Ready(light) => (light, None),
+                Pending::Area { shape, emission, object } => {
                     let Some(sampler) = ShapeSampler::new(&geometry, shape) else {
                         let pos = self.desc.object(object).pos;
                         return Err(self.desc.error(pos, "this area light has no area"));
                     };
-                    let light = AreaLight::new(sampler, radiance);
-                    if light.is_black() {
-                        self.plan.black_lights += 1;
-                        continue;
-                    }
-                    light_of_shape[shape as usize] = lights.len() as u32;
-                    (Light::Area(light), weight)
+                    (Light::Area(AreaLight { sampler, emission }), Some(shape))
                 }
             };
-            if light.is_black() {
+            let watts = light.power(radius);
+            if watts <= 0.0 {
                 self.plan.black_lights += 1;
                 continue;
             }
+            if let Some(shape) = shape {
+                light_of_shape[shape as usize] = lights.len() as u32;
+            }
             lights.push(light);
-            weights.push(weight);
+            power.push(watts);
         }
-        let (_, radius) = accel.bounds().bounding_sphere();
-        let power: Vec<f64> = lights.iter().map(|l| l.power(radius)).collect();
+        let weights: Vec<f64> = lights.iter().map(|l| f64::from(l.weight())).collect();
         let selection = LightSelection::new(&power, &weights);
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());
-        self.material_of_shape.resize(geometry.shape_count(), 0);
+        self.material_of_shape.resize(geometry.shapes().len(), 0);
         Ok(Scene {
             geometry,
             accel,
@@ -313,8 +299,8 @@ impl Builder<'_> {
 
     fn finish_plan(&mut self, geometry: &crate::shape::Geometry, accel: &Accel, lights: &[Light], environment: bool) {
         let plan = &mut self.plan;
-        plan.triangles = geometry.triangle_count();
-        plan.analytic = geometry.prim_count() - plan.triangles;
+        plan.triangles = geometry.triangle_count() as usize;
+        plan.analytic = geometry.prim_count() as usize - plan.triangles;
         plan.materials = self.materials.len();
         for material in &self.materials {
             plan.bsdfs.extend(material.kinds());
