@@ -16,20 +16,39 @@
 /// names in order. Dispatch is a `match` with one arm per kind beside it.
 #[allow(unused_macros, reason = "used by the rooms above")]
 macro_rules! kinds {
-    ($(#[$meta:meta])* pub enum $name:ident $(<$life:lifetime>)? {
+    ($(#[$meta:meta])* pub enum $name:ident {
         $($(#[$vmeta:meta])* $variant:ident($ty:ty) = [$($file_name:literal),* $(,)?]),* $(,)?
     }) => {
         $(#[$meta])*
-        pub enum $name $(<$life>)? {
+        pub enum $name {
             $($(#[$vmeta])* $variant($ty)),*
         }
 
-        impl $(<$life>)? $name $(<$life>)? {
+        impl $name {
             /// Names of these kinds in scene files.
             pub const NAMES: &'static [&'static str] = &[$($($file_name),*),*];
         }
 
-        $(impl $(<$life>)? From<$ty> for $name $(<$life>)? {
+        $(impl From<$ty> for $name {
+            fn from(kind: $ty) -> Self {
+                $name::$variant(kind)
+            }
+        })*
+    };
+    ($(#[$meta:meta])* pub enum $name:ident<$life:lifetime> {
+        $($(#[$vmeta:meta])* $variant:ident($ty:ty) = [$($file_name:literal),* $(,)?]),* $(,)?
+    }) => {
+        $(#[$meta])*
+        pub enum $name<$life> {
+            $($(#[$vmeta])* $variant($ty)),*
+        }
+
+        impl<$life> $name<$life> {
+            /// Names of these kinds in scene files.
+            pub const NAMES: &'static [&'static str] = &[$($($file_name),*),*];
+        }
+
+        $(impl<$life> From<$ty> for $name<$life> {
             fn from(kind: $ty) -> Self {
                 $name::$variant(kind)
             }
