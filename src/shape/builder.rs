@@ -15,13 +15,11 @@ pub struct MeshOptions {
     pub face_normals: bool,
     /// Keep texture coordinates: something reads them.
     pub keep_uvs: bool,
-    /// Keep or compute vertex normals: something reads them.
-    pub keep_normals: bool,
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        MeshOptions { flip_normals: false, face_normals: false, keep_uvs: true, keep_normals: true }
+        MeshOptions { flip_normals: false, face_normals: false, keep_uvs: true }
     }
 }
 
@@ -79,7 +77,7 @@ impl GeometryBuilder {
             normals: None,
             uvs: None,
         };
-        if options.keep_normals && !options.face_normals {
+        if !options.face_normals {
             info.normals = base(g.normals.len());
             let given = !mesh.normals.is_empty() && mesh.normals.len() == vertex_count;
             g.normals.extend(if given {
@@ -112,9 +110,9 @@ impl GeometryBuilder {
 
     /// Adds the cube [-1, 1]³ as a mesh; `face_normals` is of no account, as
     /// in Mitsuba its normals are those of its faces.
-    pub fn add_cube(&mut self, to_world: &Transform, options: MeshOptions) -> Result<ShapeId> {
+    pub fn add_cube(&mut self, to_world: &Transform, options: MeshOptions) -> Result<(ShapeId, MeshReport)> {
         let options = MeshOptions { face_normals: false, ..options };
-        Ok(self.add_mesh(&mesh::cube(), to_world, options)?.0)
+        self.add_mesh(&mesh::cube(), to_world, options)
     }
 
     /// Adds a sphere: see [`Sphere::new`].

@@ -33,7 +33,9 @@ impl Cylinder {
     /// or when `to_world` does anything else.
     pub fn new(ends: [DVec3; 2], radius: f64, to_world: &Transform, flip: bool) -> Result<Cylinder> {
         if !(radius > 0.0) || !radius.is_finite() {
-            return Err(Error::new(format!("`radius` of a cylinder must be above 0 and finite, found {radius}")));
+            return Err(Error::new(format!(
+                "`radius` of a cylinder must be above 0 and finite, found {radius}"
+            )));
         }
         let along = ends[1] - ends[0];
         let length = along.length();
@@ -126,11 +128,8 @@ impl Cylinder {
     }
 
     pub(crate) fn bounds(&self) -> Bounds {
-        let cap = DVec3::new(
-            self.s.x.hypot(self.t.x),
-            self.s.y.hypot(self.t.y),
-            self.s.z.hypot(self.t.z),
-        ) * self.radius;
+        let cap = DVec3::new(self.s.x.hypot(self.t.x), self.s.y.hypot(self.t.y), self.s.z.hypot(self.t.z))
+            * self.radius;
         let end = self.base + self.axis * self.length;
         Bounds { min: (self.base.min(end) - cap).as_vec3(), max: (self.base.max(end) + cap).as_vec3() }
     }

@@ -55,6 +55,12 @@ impl Geometry {
         &self.shapes
     }
 
+    /// Number of shapes.
+    #[must_use]
+    pub fn shape_count(&self) -> usize {
+        self.shapes.len()
+    }
+
     /// The shape a primitive belongs to.
     #[must_use]
     pub fn shape_of(&self, prim: PrimId) -> ShapeId {

@@ -27,8 +27,10 @@ pub fn check_affine(to_world: &Transform) -> Result<()> {
 pub fn check_circular(a: DVec3, b: DVec3, shape: &str) -> Result<()> {
     let (la, lb) = (a.length(), b.length());
     if (la - lb).abs() > UNIFORM_TOLERANCE * la || a.dot(b).abs() > UNIFORM_TOLERANCE * la * lb {
-        return Err(Error::new(format!("`to_world` of a {shape} must scale its radius uniformly, without shear"))
-            .hint("use a mesh for other shapes"));
+        return Err(Error::new(format!(
+            "`to_world` of a {shape} must scale its radius uniformly, without shear"
+        ))
+        .hint("use a mesh for other shapes"));
     }
     Ok(())
 }
@@ -48,10 +50,7 @@ pub fn basis(n: DVec3) -> (DVec3, DVec3) {
     let sign = 1.0f64.copysign(n.z);
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
-    (
-        DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        DVec3::new(b, sign + n.y * n.y * a, -n.y),
-    )
+    (DVec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), DVec3::new(b, sign + n.y * n.y * a, -n.y))
 }
 
 /// The bounds of a point rounded from f64 to f32, whose f64 value comes from

@@ -94,11 +94,8 @@ impl RayProbe {
         let upper = (bounds.max - self.origin) * self.inv_dir;
         let (mut near, mut far) = (0.0f32, f32::INFINITY);
         for axis in 0..3 {
-            let (enter, leave) = if self.negative[axis] {
-                (upper[axis], lower[axis])
-            } else {
-                (lower[axis], upper[axis])
-            };
+            let (enter, leave) =
+                if self.negative[axis] { (upper[axis], lower[axis]) } else { (lower[axis], upper[axis]) };
             let leave = leave * RayProbe::FAR_SLACK;
             near = if enter > near { enter } else { near };
             far = if leave < far { leave } else { far };

@@ -77,8 +77,9 @@ impl ShapeSampler {
         let (b1, b2) = uniform_triangle(u);
         let hit = Hit { t: 1.0, prim: self.first_prim + index as u32, u: b1, v: b2 };
         let point = geometry.triangle_surface(self.shape, &hit);
-        let wi = (point.p.as_dvec3() - from.as_dvec3()).try_normalize()?;
-        finish(&point, wi, self.pdf_by_area(from, &point))
+        let offset = point.p.as_dvec3() - from.as_dvec3();
+        let (wi, distance_squared) = (offset.try_normalize()?, offset.length_squared());
+        finish(&point, wi, self.pdf_by_area(distance_squared, wi, &point))
     }
 
     fn sample_analytic(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
@@ -100,29 +101,37 @@ impl ShapeSampler {
             Analytic::Disk(_) | Analytic::Cylinder(_) => {}
         }
         let point = analytic.sample_area(u);
-        let wi = (point.p - from.as_dvec3()).try_normalize()?;
+        let offset = point.p - from.as_dvec3();
+        let (wi, distance_squared) = (offset.try_normalize()?, offset.length_squared());
         let point = self.round(analytic, &point);
-        finish(&point, wi, self.pdf_by_area(from, &point))
+        finish(&point, wi, self.pdf_by_area(distance_squared, wi, &point))
     }
 
     /// The density per solid angle at `from` with which [`ShapeSampler::sample`]
-    /// gives the direction of `point`, which lies on this shape. Zero edge-on.
+    /// gives the unit direction `wi`, which meets this shape at `point`, at a
+    /// distance of which `distance_squared` is the square. Zero edge-on.
     #[must_use]
-    pub fn pdf(&self, geometry: &Geometry, from: Vec3, point: &SurfacePoint) -> f32 {
+    pub fn pdf(
+        &self,
+        geometry: &Geometry,
+        from: Vec3,
+        point: &SurfacePoint,
+        wi: Vec3,
+        distance_squared: f32,
+    ) -> f32 {
         let by_view = match geometry.analytic(self.first_prim) {
             Some(Analytic::Sphere(sphere)) => SphereView::new(sphere, from).pdf(),
             Some(Analytic::Rectangle(rectangle)) => RectView::new(rectangle, from).pdf(),
             _ => None,
         };
-        let pdf = by_view.unwrap_or_else(|| self.pdf_by_area(from, point)) as f32;
+        let by_area = || self.pdf_by_area(f64::from(distance_squared), wi.as_dvec3(), point);
+        let pdf = by_view.unwrap_or_else(by_area) as f32;
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 
     /// 1/A per area, per solid angle. Infinite edge-on.
-    fn pdf_by_area(&self, from: Vec3, point: &SurfacePoint) -> f64 {
-        let d = point.p.as_dvec3() - from.as_dvec3();
-        let cos_times_distance = d.dot(point.ng.as_dvec3()).abs();
-        d.length_squared() * d.length() / (cos_times_distance * self.area)
+    fn pdf_by_area(&self, distance_squared: f64, wi: DVec3, point: &SurfacePoint) -> f64 {
+        distance_squared / (wi.dot(point.ng.as_dvec3()).abs() * self.area)
     }
 
     fn round(&self, analytic: &Analytic, point: &AnalyticPoint) -> SurfacePoint {
@@ -146,8 +155,8 @@ fn finish(point: &SurfacePoint, wi: DVec3, pdf: f64) -> Option<ShapeSample> {
     (pdf > 0.0 && pdf.is_finite()).then(|| ShapeSample {
         p: point.p,
         p_error: point.p_error,
-        n: if point.ng.dot(point.ns) < 0.0 { -point.ng } else { point.ng },
-        ns: point.ns,
+        n: point.ns,
+        ng: point.ng,
         uv: point.uv,
         wi: wi.as_vec3(),
         prim: point.prim,

@@ -27,7 +27,9 @@ impl Sphere {
     /// positive and finite, or when `to_world` does anything else.
     pub fn new(center: DVec3, radius: f64, to_world: &Transform, flip: bool) -> Result<Sphere> {
         if !(radius > 0.0) || !radius.is_finite() {
-            return Err(Error::new(format!("`radius` of a sphere must be above 0 and finite, found {radius}")));
+            return Err(Error::new(format!(
+                "`radius` of a sphere must be above 0 and finite, found {radius}"
+            )));
         }
         if !center.is_finite() {
             return Err(Error::new("`center` of a sphere must be finite"));
@@ -91,11 +93,8 @@ impl Sphere {
             phi += TAU;
         }
         let theta = rd.atan2(local.z);
-        let dpdv = if rd > 0.0 {
-            DVec3::new(local.z * local.x / rd, local.z * local.y / rd, -rd)
-        } else {
-            DVec3::X
-        };
+        let dpdv =
+            if rd > 0.0 { DVec3::new(local.z * local.x / rd, local.z * local.y / rd, -rd) } else { DVec3::X };
         let p = self.centre + n * self.radius;
         let ng = n * flip_sign(self.flip);
         AnalyticPoint {

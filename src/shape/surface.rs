@@ -50,34 +50,29 @@ impl SurfacePoint {
     /// A shadow ray to a sampled point of a light: `dir` is the vector between
     /// the two, not normalised, `t_max` is 1, and both ends are outside their
     /// error boxes. The far box includes the rounding of the vector itself.
+    /// The ray's time is 0.
     #[must_use]
-    pub fn spawn_to(&self, target: &ShapeSample, time: f32) -> Ray {
+    pub fn spawn_to(&self, target: &ShapeSample) -> Ray {
         let towards = target.p - self.p;
         let origin = offset_origin(self.p, self.p_error, self.ng, towards);
         let error = target.p_error + towards.abs() * gamma(3);
-        let end = offset_origin(target.p, error, target.n, -towards);
+        let end = offset_origin(target.p, error, target.ng, -towards);
         Ray {
             origin,
             dir: end - origin,
             t_max: 1.0,
-            time,
+            time: 0.0,
             skip: self.skip(),
             skip_end: if target.planar { target.prim } else { Ray::NO_SKIP },
         }
     }
 
     /// A shadow ray to a point that is on no surface, such as a point light.
+    /// The ray's time is 0.
     #[must_use]
-    pub fn spawn_to_point(&self, target: Vec3, time: f32) -> Ray {
+    pub fn spawn_to_point(&self, target: Vec3) -> Ray {
         let origin = offset_origin(self.p, self.p_error, self.ng, target - self.p);
-        Ray {
-            origin,
-            dir: target - origin,
-            t_max: 1.0,
-            time,
-            skip: self.skip(),
-            skip_end: Ray::NO_SKIP,
-        }
+        Ray { origin, dir: target - origin, t_max: 1.0, time: 0.0, skip: self.skip(), skip_end: Ray::NO_SKIP }
     }
 
     fn skip(&self) -> u32 {
@@ -92,11 +87,11 @@ pub struct ShapeSample {
     pub p: Vec3,
     /// Bound on the absolute error of each coordinate of `p`.
     pub p_error: Vec3,
-    /// Unit geometric normal, turned to the side on which the shape emits:
-    /// that of `ns`.
+    /// Unit shading normal, after `flip_normals`: an area light emits towards
+    /// the side it points to, as in Mitsuba.
     pub n: Vec3,
-    /// Unit shading normal. An area light emits towards the side it points to.
-    pub ns: Vec3,
+    /// Unit geometric normal, after `flip_normals`.
+    pub ng: Vec3,
     /// Texture coordinates there.
     pub uv: Vec2,
     /// Unit direction from the reference point to `p`, more precise than the

@@ -166,7 +166,8 @@ impl RectView {
         let hv = h0 + f64::from(u.y) * (h1 - h0);
         let rest = (1.0 - hv) * (1.0 + hv);
         let yv = if rest > 0.0 { (hv * d / rest.sqrt()).clamp(s.y0, s.y1) } else { s.y1 };
-        let local = |value: f64, low: f64, high: f64| (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.0, 1.0);
+        let local =
+            |value: f64, low: f64, high: f64| (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.0, 1.0);
         if xu.is_nan() || yv.is_nan() {
             return Some(rectangle.at(signed(u.x), signed(u.y)));
         }
