@@ -154,8 +154,8 @@ fn tiles_cover_the_sample_bounds_once_on_a_fixed_grid() {
     for (crop, border, bounds) in [
         ([0, 0, 70, 50], false, Rect::new(0, 0, 70, 50)),
         ([0, 0, 70, 50], true, Rect::new(-2, -2, 74, 54)),
-        ([20, 17, 30, 5], false, Rect::new(18, 15, 34, 9)),
-        ([0, 0, 1, 1], false, Rect::new(0, 0, 3, 3)),
+        ([20, 17, 30, 5], false, Rect::new(16, 13, 38, 13)),
+        ([0, 0, 1, 1], false, Rect::new(0, 0, 5, 5)),
     ] {
         (spec.crop, spec.sample_border) = (crop, border);
         assert_eq!(spec.sample_bounds(), bounds);

@@ -72,8 +72,8 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
             let light_pdf = if bug == Bug::WrongMisPdf { light.sample.pdf } else { light.pdf };
             let mis = if light.sample.delta || bug == Bug::NoMis { 1.0 } else { power_heuristic(light_pdf, pdf) };
             let shadow = match &light.sample.target {
-                Target::Surface(target) => hit.surface.spawn_to(target, 0.0),
-                Target::Point(p) => hit.surface.spawn_to_point(*p, 0.0),
+                Target::Surface(target) => hit.surface.spawn_to(target),
+                Target::Point(p) => hit.surface.spawn_to_point(*p),
                 Target::Infinite => hit.surface.spawn(light.sample.wi, 0.0),
             };
             if f != Rgb::ZERO && !scene.occluded(&shadow) {

@@ -12,7 +12,7 @@
 //! error is √(c/W). The halves of an Owen-scrambled set are stratified against
 //! each other: their difference then says more than the error of the mean, so
 //! that the estimate is conservative. It is biased where the noise changes
-//! within two pixels, and at the edge of a crop fewer neighbours are pooled.
+//! within two pixels. A crop sums the neighbours of its edge too.
 //!
 //! Where no pixel of the neighbourhood has samples in both halves (one or two
 //! samples per pixel), the variance of the pixel means over the 3 × 3
@@ -22,10 +22,8 @@
 
 use std::collections::VecDeque;
 
+use super::spec::POOL_REACH as REACH;
 use super::sums::{Film, PixelSums};
-
-/// Rows and columns on each side that are pooled.
-const REACH: usize = 2;
 
 /// Binomial weights of the pool along an axis.
 const BINOMIAL: [f64; 2 * REACH + 1] = [1.0, 4.0, 6.0, 4.0, 1.0];
@@ -35,6 +33,14 @@ struct Noise {
     weight: f64,
     mean: [f64; 3],
     c: Option<[f64; 3]>,
+}
+
+/// What is known of the error of a pixel.
+pub(super) struct Estimate {
+    /// Variance of the mean, per channel.
+    pub variance: [f64; 3],
+    /// Square of the brightness around it.
+    pub square: f64,
 }
 
 impl Noise {
@@ -52,31 +58,35 @@ impl Noise {
 
 impl Film {
     /// The relative error of the whole picture: the root of the mean over all
-    /// pixels of e²/(m² + m̄²/100), where m is the mean of a pixel's R, G, B,
-    /// e² the mean of their estimated variances, and m̄ the mean over the
-    /// picture. The second term keeps dark pixels from ruling the figure.
+    /// pixels of e²/(m² + m̄²/100), where e² is the mean of the estimated
+    /// variances of R, G and B, m² the square of their mean, pooled over the
+    /// same neighbours as e² (so that the edge of a lamp is compared with the
+    /// lamp), and m̄ the mean over the picture. The second term keeps dark
+    /// pixels from ruling the figure.
     ///
     /// 0 for a black picture; infinite while there are pixels without samples.
     /// Reads the whole film: call it once per pass, not per tile.
     #[must_use]
     pub fn relative_error(&self) -> f64 {
-        let mut pixels: Vec<[f64; 2]> = Vec::with_capacity(self.spec().window().area());
-        self.scan(|row, variance| {
-            let third = |v: &[f64; 3]| v.iter().sum::<f64>() / 3.0;
-            pixels.extend(row.iter().zip(variance).map(|(mean, v)| [third(mean), third(v)]));
+        let (mut pixels, mut total) = (Vec::with_capacity(self.spec().window().area()), 0.0);
+        self.scan(|means, estimates| {
+            total += means.iter().map(|m| m.iter().sum::<f64>() / 3.0).sum::<f64>();
+            pixels.extend(estimates.iter().map(|e| (e.variance.iter().sum::<f64>() / 3.0, e.square)));
         });
         let count = pixels.len() as f64;
-        let picture = pixels.iter().map(|p| p[0]).sum::<f64>() / count;
-        let square = |[mean, variance]: &[f64; 2]| {
-            if *variance > 0.0 { variance / (mean * mean + 0.01 * picture * picture) } else { 0.0 }
+        let floor = 0.01 * (total / count).powi(2);
+        let term = |(variance, square): &(f64, f64)| {
+            if *variance > 0.0 { variance / (square + floor) } else { 0.0 }
         };
-        (pixels.iter().map(square).sum::<f64>() / count).sqrt()
+        (pixels.iter().map(term).sum::<f64>() / count).sqrt()
     }
 
     /// Visits the rows of the window in order with the mean and the estimated
     /// variance of the mean of each pixel.
-    pub(super) fn scan(&self, mut visit: impl FnMut(&[[f64; 3]], &[[f64; 3]])) {
-        let height = self.spec().window().height();
+    pub(super) fn scan(&self, mut visit: impl FnMut(&[[f64; 3]], &[Estimate])) {
+        let (window, stored) = (self.spec().window(), self.spec().stored());
+        let height = stored.height();
+        let (top, left) = ((window.min.1 - stored.min.1) as usize, (window.min.0 - stored.min.0) as usize);
         let mut rows: VecDeque<Vec<Noise>> = VecDeque::new();
         let (mut first, mut next) = (0, 0);
         for y in 0..height {
@@ -88,21 +98,28 @@ impl Film {
                 rows.pop_front();
                 first += 1;
             }
+            if !(top..top + window.height()).contains(&y) {
+                continue;
+            }
             let own = &rows[y - first];
-            let means: Vec<_> = own.iter().map(|p| p.mean).collect();
-            let variance: Vec<_> = (0..own.len())
+            let columns = left..left + window.width();
+            let means: Vec<_> = own[columns.clone()].iter().map(|p| p.mean).collect();
+            let estimates: Vec<_> = columns
                 .map(|x| {
                     let weight = own[x].weight;
-                    if !(weight > 0.0) {
-                        return [f64::INFINITY; 3];
+                    let at = (x, y - first);
+                    let variance = if weight > 0.0 {
+                        pooled(&rows, at).map(|c| c.map(|c| c / weight)).or_else(|| spread(&rows, at))
+                    } else {
+                        None
+                    };
+                    Estimate {
+                        variance: variance.unwrap_or([f64::INFINITY; 3]),
+                        square: pooled_square(&rows, at),
                     }
-                    pooled(&rows, x, y - first)
-                        .map(|c| c.map(|c| c / weight))
-                        .or_else(|| spread(&rows, x, y - first))
-                        .unwrap_or([f64::INFINITY; 3])
                 })
                 .collect();
-            visit(&means, &variance);
+            visit(&means, &estimates);
         }
     }
 }
@@ -123,9 +140,9 @@ fn neighbours(
 }
 
 /// c averaged over the neighbours that have it.
-fn pooled(rows: &VecDeque<Vec<Noise>>, x: usize, y: usize) -> Option<[f64; 3]> {
+fn pooled(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> Option<[f64; 3]> {
     let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for (i, j, pixel) in neighbours(rows, (x, y), REACH) {
+    for (i, j, pixel) in neighbours(rows, at, REACH) {
         if let Some(c) = pixel.c {
             let g = BINOMIAL[i] * BINOMIAL[j];
             total += g;
@@ -137,9 +154,20 @@ fn pooled(rows: &VecDeque<Vec<Noise>>, x: usize, y: usize) -> Option<[f64; 3]> {
     (total > 0.0).then(|| sum.map(|s| s / total))
 }
 
+/// The square of the mean of R, G, B, averaged over the same neighbours.
+fn pooled_square(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> f64 {
+    let (mut sum, mut total) = (0.0, 0.0);
+    for (i, j, pixel) in neighbours(rows, at, REACH) {
+        let g = BINOMIAL[i] * BINOMIAL[j];
+        total += g;
+        sum += g * (pixel.mean.iter().sum::<f64>() / 3.0).powi(2);
+    }
+    sum / total
+}
+
 /// The sample variance of the means of the nearest neighbours.
-fn spread(rows: &VecDeque<Vec<Noise>>, x: usize, y: usize) -> Option<[f64; 3]> {
-    let near = || neighbours(rows, (x, y), 1).map(|(_, _, p)| p).filter(|p| p.weight > 0.0);
+fn spread(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> Option<[f64; 3]> {
+    let near = || neighbours(rows, at, 1).map(|(_, _, p)| p).filter(|p| p.weight > 0.0);
     let count = near().count();
     if count < 2 {
         return None;

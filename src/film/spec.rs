@@ -6,6 +6,9 @@ use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 /// Most pixels along an axis.
 const MAX_SIZE: i64 = 1 << 20;
 
+/// Rows and columns on each side of a pixel that its error is pooled over.
+pub(super) const POOL_REACH: usize = 2;
+
 /// Most pixels in a crop window.
 const MAX_PIXELS: u64 = 1 << 30;
 
@@ -118,12 +121,19 @@ impl FilmSpec {
         Rect::new(self.crop[0] as i32, self.crop[1] as i32, self.crop[2], self.crop[3])
     }
 
-    /// The pixels to sample: the crop window and as far around it as the
+    /// The pixels that are summed: the crop window and the neighbours with
+    /// which the error estimate pools it.
+    #[must_use]
+    pub fn stored(&self) -> Rect {
+        self.window().grow(POOL_REACH as i32).intersect(&Rect::new(0, 0, self.size[0], self.size[1]))
+    }
+
+    /// The pixels to sample: those summed and as far around them as the
     /// filter reaches, inside the full film unless `sample_border` is set. So
     /// a crop is the same picture as that region of the whole.
     #[must_use]
     pub fn sample_bounds(&self) -> Rect {
-        let reached = self.window().grow(self.filter.reach());
+        let reached = self.stored().grow(self.filter.reach());
         if self.sample_border {
             return reached;
         }

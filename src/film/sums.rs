@@ -34,7 +34,7 @@ pub struct Film {
     overflow: AtomicU64,
 }
 
-/// The sums of one row of the crop window.
+/// The sums of one row of the pixels stored.
 pub(super) struct Row {
     sums: Vec<i128>,
     depth: Vec<f32>,
@@ -97,7 +97,7 @@ impl Film {
             radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32,
             position: (limit * position).min(f64::from(f32::MAX)) as f32,
         };
-        let window = spec.window();
+        let window = spec.stored();
         let depth = if layers.depth { window.width() } else { 0 };
         let rows = (0..window.height())
             .map(|_| {
@@ -147,14 +147,14 @@ impl Film {
     /// Empty sums for the samples of some pixels.
     #[must_use]
     pub fn tile(&self, rect: Rect) -> Tile {
-        Tile::new(rect, self.spec.window(), self.spec.filter, self.layout, self.layers.depth, self.limits)
+        Tile::new(rect, self.spec.stored(), self.spec.filter, self.layout, self.layers.depth, self.limits)
     }
 
     /// Adds the sums of a tile of this film: each is rounded to fixed point
     /// once, then the order of merges does not matter.
     pub fn merge(&self, tile: &Tile) {
         debug_assert!(tile.layout == self.layout, "a tile of another film");
-        let (area, window, stride) = (tile.area, self.spec.window(), self.layout.stride);
+        let (area, window, stride) = (tile.area, self.spec.stored(), self.layout.stride);
         let mut overflow = tile.overflow;
         for (y, sums) in (area.min.1..area.max.1).zip(tile.sums.chunks_exact((area.width() * stride).max(1)))
         {
@@ -193,22 +193,25 @@ impl Film {
     pub fn memory_bytes(&self) -> usize {
         let pixel =
             self.layout.stride * size_of::<i128>() + usize::from(self.layers.depth) * size_of::<f32>();
-        self.spec.window().area() * pixel
+        self.spec.stored().area() * pixel
     }
 
     /// The picture as it is now. A pixel whose weights do not sum to more than
     /// zero is 0.
     #[must_use]
     pub fn resolve(&self) -> Picture {
-        let window = self.spec.window();
+        let (window, stored) = (self.spec.window(), self.spec.stored());
+        let left = (window.min.0 - stored.min.0) as usize;
+        let columns = left..left + window.width();
         let mut channels: Vec<Channel> = self
             .channel_names()
             .into_iter()
             .map(|name| Channel { name: name.to_owned(), data: Vec::with_capacity(window.area()) })
             .collect();
         for y in 0..window.height() {
-            let row = self.row(y);
-            for (x, cell) in row.sums.chunks_exact(self.layout.stride).enumerate() {
+            let row = self.row(y + (window.min.1 - stored.min.1) as usize);
+            let cells = row.sums.chunks_exact(self.layout.stride).enumerate();
+            for (x, cell) in cells.skip(columns.start).take(columns.len()) {
                 let pixel = self.pixel(cell);
                 let values = pixel.mean.into_iter().chain(pixel.layers(&self.layout));
                 for (channel, value) in channels.iter_mut().zip(values) {
@@ -222,9 +225,9 @@ impl Film {
         }
         if self.layers.error {
             let first = channels.len() - 3;
-            self.scan(|_, variance| {
-                for pixel in variance {
-                    for (channel, v) in channels[first..].iter_mut().zip(pixel) {
+            self.scan(|_, estimates| {
+                for pixel in estimates {
+                    for (channel, v) in channels[first..].iter_mut().zip(pixel.variance) {
                         channel.data.push(v.sqrt() as f32);
                     }
                 }

@@ -170,8 +170,8 @@ impl CameraSample {
 fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> Ray {
     use crate::light::Target;
     match &light.target {
-        Target::Surface(target) => surface.spawn_to(target, 0.0),
-        Target::Point(p) => surface.spawn_to_point(*p, 0.0),
+        Target::Surface(target) => surface.spawn_to(target),
+        Target::Point(p) => surface.spawn_to_point(*p),
         Target::Infinite => surface.spawn(light.wi, 0.0),
     }
 }

@@ -12,7 +12,7 @@ use crate::light::{AreaEmission, AreaLight, Light, area_emission_from_desc, emit
 use crate::material::{Material, MaterialBuilder};
 use crate::math::{DVec3, Transform};
 use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
-use crate::texture::{Texture, Usage, texture_from_desc};
+use crate::texture::{Usage, texture_from_desc};
 
 /// Scene-file names of all shapes.
 const SHAPES: &[&str] = &["obj", "ply", "serialized", "rectangle", "cube", "sphere", "disk", "cylinder"];
@@ -184,7 +184,6 @@ impl Builder<'_> {
         let options = |face_normals| MeshOptions {
             flip_normals: flip,
             face_normals,
-            keep_normals: true,
             keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
         };
         let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
@@ -199,7 +198,7 @@ impl Builder<'_> {
             }
             "cube" => {
                 let options = options(params.bool("face_normals", false)?);
-                return self.geometry.add_cube(&to_world, options).map(Some).map_err(at);
+                return self.geometry.add_cube(&to_world, options).map(|(s, _)| Some(s)).map_err(at);
             }
             "rectangle" => self.geometry.add_rectangle(&to_world, flip),
             "disk" => self.geometry.add_disk(&to_world, flip),
@@ -251,7 +250,8 @@ impl Builder<'_> {
         let geometry = std::mem::take(&mut self.geometry).finish();
         let accel = Accel::build_named(options.accel.as_deref(), &geometry)?;
         let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
-        let radius = f64::from(accel.bounds().bounding_sphere().1);
+        // An environment alone has no size to go by.
+        let radius = Some(f64::from(accel.bounds().bounding_sphere().1)).filter(|r| *r > 0.0).unwrap_or(1.0);
         let (mut lights, mut power) = (Vec::new(), Vec::new());
         for pending in std::mem::take(&mut self.pending) {
             let (light, shape) = match pending {
