@@ -18,7 +18,7 @@ pub use frame::Frame;
 pub use ray::Ray;
 pub use transform::{Decomposition, Transform};
 
-pub use glam::{DMat4, DQuat, DVec3, Vec2, Vec3};
+pub use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec2, Vec3};
 
 /// Scene-linear RGB (radiance, reflectance or weight, as the name says).
 pub type Rgb = Vec3;

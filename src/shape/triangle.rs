@@ -1,0 +1,73 @@
+//! One ray against one triangle: Woop, Benthin, Wald 2013, "Watertight
+//! Ray/Triangle Intersection", JCGT 2(1).
+//!
+//! The vertices are translated and sheared in f32 so that the ray becomes the
+//! z axis; the three edge functions are 2×2 determinants whose signs say on
+//! which side of each edge the ray passes. Two triangles that share an edge
+//! compute the same determinant up to sign from the same f32 numbers, so a ray
+//! cannot pass between them as long as the sign is exact. In f32 a determinant
+//! that comes out non-zero has the right sign (rounding is monotone), which is
+//! enough to reject most triangles; what is left is evaluated in f64, where
+//! products of f32 are exact.
+
+use super::RayProbe;
+use crate::math::{Bounds, DVec3, Vec3, gamma};
+
+/// Parameter and barycentrics of the second and third vertex, before the hit
+/// is confined to the box.
+#[inline(always)]
+pub fn intersect(probe: &RayProbe, vertices: &[Vec3; 3]) -> Option<(f32, f32, f32)> {
+    let s = probe.shear;
+    let (a, b, c) = (probe.relative(vertices[0]), probe.relative(vertices[1]), probe.relative(vertices[2]));
+    let (ax, ay) = (a.x - s.x * a.z, a.y - s.y * a.z);
+    let (bx, by) = (b.x - s.x * b.z, b.y - s.y * b.z);
+    let (cx, cy) = (c.x - s.x * c.z, c.y - s.y * c.z);
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
+    }
+    exact(s.z, [(ax, ay, a.z), (bx, by, b.z), (cx, cy, c.z)])
+}
+
+/// The same from the sheared vertices in f64: exact signs, and no underflow at
+/// any scale.
+#[inline]
+fn exact(scale_z: f32, sheared: [(f32, f32, f32); 3]) -> Option<(f32, f32, f32)> {
+    let [(ax, ay, az), (bx, by, bz), (cx, cy, cz)] =
+        sheared.map(|(x, y, z)| (f64::from(x), f64::from(y), f64::from(z)));
+    let u = cx * by - cy * bx;
+    let v = ax * cy - ay * cx;
+    let w = bx * ay - by * ax;
+    if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        return None;
+    }
+    let det = u + v + w;
+    if !(det.abs() > 0.0) {
+        return None;
+    }
+    let t = ((u * az + v * bz + w * cz) / det * f64::from(scale_z)) as f32;
+    (t > 0.0 && t.is_finite()).then_some((t, (v / det) as f32, (w / det) as f32))
+}
+
+/// The box of a triangle, widened by the rounding of the intersection test.
+#[inline]
+pub fn bounds(vertices: &[Vec3; 3]) -> Bounds {
+    let [a, b, c] = *vertices;
+    widen(Bounds { min: a.min(b).min(c), max: a.max(b).max(c) })
+}
+
+/// Widens a box by γ(4) of its largest coordinate, on all sides.
+#[inline]
+pub fn widen(bounds: Bounds) -> Bounds {
+    let e = Vec3::splat(bounds.min.abs().max(bounds.max.abs()).max_element() * gamma(4));
+    Bounds { min: bounds.min - e, max: bounds.max + e }
+}
+
+/// Twice the area times the unit normal by the winding, in f64.
+#[inline]
+pub fn cross(vertices: &[Vec3; 3]) -> DVec3 {
+    let [a, b, c] = vertices.map(|v| v.as_dvec3());
+    (b - a).cross(c - a)
+}

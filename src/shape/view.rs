@@ -1,0 +1,176 @@
+//! A light-shaped shape as seen from a point. `sample` and `pdf` of
+//! [`super::ShapeSampler`] both go through these structs, so that the choice
+//! between strategies cannot differ between the two.
+
+use std::f64::consts::TAU;
+
+use super::linear::signed;
+use super::{AnalyticPoint, Rectangle, Sphere};
+use crate::math::{DVec3, Vec2, Vec3};
+
+/// A sphere as seen from a point: from outside it is the cone of directions
+/// that meet it, from inside (or from the surface itself) it is all of its
+/// area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SphereView {
+    /// 1 - cos of the half angle of the cone; `None` from inside.
+    cone: Option<Cone>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cone {
+    /// Unit direction to the centre.
+    axis: DVec3,
+    /// sin of the half angle, in (0, 1).
+    sin_max: f64,
+    /// 1 - cos of the half angle, from the sine: no cancellation.
+    one_minus_cos_max: f64,
+}
+
+impl SphereView {
+    /// The view of a sphere from a point.
+    #[must_use]
+    pub fn new(sphere: &Sphere, from: Vec3) -> SphereView {
+        let offset = sphere.centre - from.as_dvec3();
+        let distance = offset.length();
+        let gap = distance - sphere.radius;
+        if !(gap > 0.0) || !distance.is_finite() {
+            return SphereView { cone: None };
+        }
+        let sin_max = sphere.radius / distance;
+        let cos_max = (gap * (distance + sphere.radius)).sqrt() / distance;
+        let one_minus_cos_max = sin_max * sin_max / (1.0 + cos_max);
+        SphereView { cone: Some(Cone { axis: offset / distance, sin_max, one_minus_cos_max }) }
+    }
+
+    /// Density per solid angle of the cone; `None` from inside, where points
+    /// are uniform in area.
+    #[must_use]
+    pub fn pdf(&self) -> Option<f64> {
+        self.cone.map(|cone| 1.0 / (TAU * cone.one_minus_cos_max))
+    }
+
+    /// The near point of the sphere in a uniform direction of the cone, and
+    /// that direction; `None` from inside. pbrt-v4 equation 6.11.
+    pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
+        let Cone { axis, sin_max, one_minus_cos_max } = self.cone?;
+        let one_minus_cos = f64::from(u.x) * one_minus_cos_max;
+        let cos = 1.0 - one_minus_cos;
+        let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+        let ratio = sin2.sqrt() / sin_max;
+        // The angle at the centre between the point and the viewer.
+        let cos_alpha = (sin2 / sin_max + cos * ((1.0 - ratio) * (1.0 + ratio)).max(0.0).sqrt()).min(1.0);
+        let sin_alpha = ((1.0 - cos_alpha) * (1.0 + cos_alpha)).sqrt();
+        let phi = TAU * f64::from(u.y);
+        // Seen from the centre the viewer is at -axis; basis(-axis) turns the
+        // azimuth the same way for both as long as only one of them uses it.
+        let point = sphere.at_angle(-axis, cos_alpha, sin_alpha, phi);
+        let across = (point.p - sphere.centre) / sphere.radius + axis * cos_alpha;
+        let across = across.try_normalize().unwrap_or(DVec3::ZERO);
+        Some((point, (axis * cos + across * sin2.sqrt()).normalize()))
+    }
+}
+
+/// A rectangle as seen from a point: nearby it is the spherical rectangle of
+/// Ureña, Fajardo, King 2013, "An Area-Preserving Parametrization for
+/// Spherical Rectangles"; far away, or when it is not rectangular, its area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RectView {
+    spherical: Option<Spherical>,
+}
+
+/// Names as in listing 1 of the paper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Spherical {
+    x0: f64,
+    x1: f64,
+    y0: f64,
+    y1: f64,
+    z0: f64,
+    b0: f64,
+    b1: f64,
+    k: f64,
+    solid_angle: f64,
+}
+
+impl RectView {
+    /// Solid angles below this (sr) are lost in the rounding of the angle sum.
+    const MIN_SOLID_ANGLE: f64 = 1e-7;
+    /// Sampling by solid angle pays when the diagonal is longer than this
+    /// fraction of the distance.
+    const MIN_RATIO: f64 = 0.5;
+    /// Largest cosine between the edges of what counts as a rectangle.
+    const MAX_SHEAR: f64 = 1e-9;
+
+    /// The view of a rectangle from a point.
+    #[must_use]
+    pub fn new(rectangle: &Rectangle, from: Vec3) -> RectView {
+        RectView { spherical: RectView::spherical(rectangle, from.as_dvec3()) }
+    }
+
+    fn spherical(rectangle: &Rectangle, from: DVec3) -> Option<Spherical> {
+        let plane = &rectangle.plane;
+        let (width, height) = (plane.x.length() * 2.0, plane.y.length() * 2.0);
+        if plane.x.dot(plane.y).abs() * 4.0 > RectView::MAX_SHEAR * width * height {
+            return None;
+        }
+        let to_centre = plane.centre - from;
+        if width.hypot(height) < RectView::MIN_RATIO * to_centre.length() {
+            return None;
+        }
+        let (x, y) = (plane.x * (2.0 / width), plane.y * (2.0 / height));
+        let (x0, y0) = (to_centre.dot(x) - 0.5 * width, to_centre.dot(y) - 0.5 * height);
+        let (x1, y1) = (x0 + width, y0 + height);
+        let z0 = -to_centre.dot(x.cross(y)).abs();
+        if z0 == 0.0 {
+            return None;
+        }
+        // Normals of the planes through the viewer and the edges.
+        let n0 = DVec3::new(0.0, z0, -y0).normalize();
+        let n1 = DVec3::new(-z0, 0.0, x1).normalize();
+        let n2 = DVec3::new(0.0, -z0, y1).normalize();
+        let n3 = DVec3::new(z0, 0.0, -x0).normalize();
+        let inner = |a: DVec3, b: DVec3| a.cross(b).length().atan2(-a.dot(b));
+        let k = TAU - inner(n2, n3) - inner(n3, n0);
+        let solid_angle = inner(n0, n1) + inner(n1, n2) - k;
+        (solid_angle > RectView::MIN_SOLID_ANGLE).then_some(Spherical {
+            x0,
+            x1,
+            y0,
+            y1,
+            z0,
+            b0: n0.z,
+            b1: n2.z,
+            k,
+            solid_angle,
+        })
+    }
+
+    /// Density per solid angle; `None` when points are uniform in area.
+    #[must_use]
+    pub fn pdf(&self) -> Option<f64> {
+        self.spherical.map(|s| 1.0 / s.solid_angle)
+    }
+
+    /// A point of the rectangle, uniform in solid angle; `None` when points
+    /// are to be uniform in area.
+    pub(crate) fn sample(&self, rectangle: &Rectangle, u: Vec2) -> Option<AnalyticPoint> {
+        let s = self.spherical?;
+        let au = f64::from(u.x) * s.solid_angle + s.k;
+        let fu = (au.cos() * s.b0 - s.b1) / au.sin();
+        let cu = (1.0 / fu.hypot(s.b0)).copysign(fu).clamp(-1.0, 1.0);
+        let sin_u = ((1.0 - cu) * (1.0 + cu)).sqrt();
+        let xu = (-(cu * s.z0) / sin_u).clamp(s.x0, s.x1);
+        let d = xu.hypot(s.z0);
+        let (h0, h1) = (s.y0 / d.hypot(s.y0), s.y1 / d.hypot(s.y1));
+        let hv = h0 + f64::from(u.y) * (h1 - h0);
+        let rest = (1.0 - hv) * (1.0 + hv);
+        let yv = if rest > 0.0 { (hv * d / rest.sqrt()).clamp(s.y0, s.y1) } else { s.y1 };
+        let local =
+            |value: f64, low: f64, high: f64| (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.0, 1.0);
+        if xu.is_nan() || yv.is_nan() {
+            return Some(rectangle.at(signed(u.x), signed(u.y)));
+        }
+        Some(rectangle.at(local(xu, s.x0, s.x1), local(yv, s.y0, s.y1)))
+    }
+}
