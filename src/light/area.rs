@@ -40,7 +40,7 @@ impl AreaLight {
         self.front(point.ns, wo, point.uv)
     }
 
-    /// Density per solid angle at `ref_p` with which [`AreaLight::sample`]
+    /// Density per solid angle at `ref_p` with which [`super::Light::sample`]
     /// chooses the direction `wi` to `point`, at squared distance `dist2`.
     #[must_use]
     pub fn pdf(&self, geometry: &Geometry, ref_p: Vec3, point: &SurfacePoint, wi: Vec3, dist2: f32) -> f32 {
