@@ -19,7 +19,7 @@ use rand::{RngExt, SeedableRng};
 const LANDSCAPE: FilmSize = FilmSize { width: 60, height: 40 };
 const PORTRAIT: FilmSize = FilmSize { width: 30, height: 40 };
 
-fn read(plugin: &str, params: Vec<(&str, Value)>, film: FilmSize, recentre: DVec3) -> Result<Camera, Error> {
+fn read(plugin: &str, params: Params, film: FilmSize, recentre: DVec3) -> Result<Camera, Error> {
     let mut d = Describe::new();
     let id = d.object(Category::Sensor, plugin, params);
     Camera::from_desc(&d.scene, id, film, recentre)
@@ -28,6 +28,8 @@ fn read(plugin: &str, params: Vec<(&str, Value)>, film: FilmSize, recentre: DVec
 fn view() -> DMat4 {
     look_at(DVec3::new(1.0, 2.0, 3.0), DVec3::new(4.0, -1.0, 2.0), DVec3::new(0.0, 1.0, 0.2))
 }
+
+type Params = Vec<(&'static str, Value)>;
 
 /// Film position, origin, direction, t_max.
 type Row = ([f32; 2], [f32; 3], [f32; 3], f32);
@@ -48,7 +50,7 @@ fn check(name: &str, camera: &Camera, lens: [f32; 2], rows: &[Row]) {
 
 #[test]
 fn perspective_rays_are_mitsubas() {
-    let fov = |axis| vec![("fov", float(50.0)), ("fov_axis", string(axis))];
+    let fov = |axis| -> Params { vec![("fov", float(50.0)), ("fov_axis", string(axis))] };
     let turned = vec![("to_world", transform(view())), ("fov", float(45.0))];
     let shifted = vec![
         ("fov", float(45.0)),
@@ -57,7 +59,7 @@ fn perspective_rays_are_mitsubas() {
     ];
     let clipped = vec![("fov", float(45.0)), ("near_clip", float(0.5)), ("far_clip", float(7.0))];
     let (long, wide) = ([0.0069946144, 0.0046630763, 0.01], [0.0046630763, 0.0031087175, 0.01]);
-    let table: Vec<(Vec<(&str, Value)>, FilmSize, Vec<Row>)> = vec![
+    let table: Vec<(Params, FilmSize, Vec<Row>)> = vec![
         (
             turned,
             LANDSCAPE,
@@ -384,7 +386,7 @@ fn a_closed_lens_is_a_pinhole() {
 fn refusals_say_what_and_where() {
     let message = |plugin, params| read(plugin, params, LANDSCAPE, DVec3::ZERO).unwrap_err().to_string();
     let scale = transform(DMat4::from_scale(DVec3::splat(2.0)));
-    let cases: Vec<(&str, Vec<(&str, Value)>, &str)> = vec![
+    let cases: Vec<(&str, Params, &str)> = vec![
         ("perspectiv", vec![], "scene.xml:1:1: there is no sensor `perspectiv`; did you mean `perspective`?"),
         (
             "perspective",

@@ -1,1 +1,196 @@
-//! Room `light`.
+//! What emits light, and how to choose a direction towards it.
+//!
+//! Semantics are those of Mitsuba 3.9. A light answers two questions: which
+//! way to send a shadow ray from a point ([`Light::sample`]), and, for what is
+//! hit or escapes, what arrives from there and with which density `sample`
+//! would have chosen it. Both sides of each pair share their arithmetic, so
+//! that multiple importance sampling stays unbiased.
+//!
+//! All take `sampling_weight` (default 1): a factor on how often the light is
+//! chosen, which changes the noise and never the mean.
+
+mod area;
+mod constant;
+mod directional;
+mod envmap;
+mod envmap_table;
+mod examples;
+mod parse;
+mod point;
+mod spot;
+
+pub use area::{AreaEmission, AreaLight};
+pub use constant::Constant;
+pub use directional::Directional;
+pub use envmap::EnvMap;
+pub use parse::{area_emission_from_desc, emitter_from_desc};
+pub use point::Point;
+pub use spot::Spot;
+
+use crate::desc::kinds;
+use crate::math::{Rgb, Vec2, Vec3};
+use crate::shape::{Geometry, ShapeSample};
+
+kinds! {
+    /// A light.
+    #[derive(Clone, Debug)]
+    pub enum Light {
+        /// A shape that glows.
+        Area(AreaLight) = ["area"],
+        /// A point, the same in all directions.
+        Point(Point) = ["point"],
+        /// A point with a cone.
+        Spot(Spot) = ["spot"],
+        /// Parallel light from infinity.
+        Directional(Directional) = ["directional"],
+        /// A surrounding of one colour.
+        Constant(Constant) = ["constant"],
+        /// A surrounding with a picture.
+        EnvMap(EnvMap) = ["envmap"],
+    }
+}
+
+/// A direction towards a light. What it adds to the reflected radiance is
+/// f·|cos θ| · `radiance` / `pdf`, if nothing is in the way.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Unit direction from the reference point towards the light.
+    pub wi: Vec3,
+    /// Radiance that arrives from there; for a delta light the irradiance on a
+    /// plane facing it (intensity over squared distance). Not zero in all
+    /// channels.
+    pub radiance: Rgb,
+    /// Density of `wi` per solid angle, positive and finite; 1 for a delta
+    /// light.
+    pub pdf: f32,
+    /// True if no other strategy can find this direction: MIS weight 1.
+    pub delta: bool,
+    /// What the shadow ray must reach.
+    pub target: Target,
+}
+
+/// The end of a shadow ray.
+#[derive(Clone, Copy, Debug)]
+pub enum Target {
+    /// A point of an emitting surface.
+    Surface(ShapeSample),
+    /// A point in space.
+    Point(Vec3),
+    /// Everything along the ray must be free.
+    Infinite,
+}
+
+impl Light {
+    /// A direction from `ref_p` towards the light, chosen by `u` in \[0, 1)²;
+    /// `None` where the light sends nothing to `ref_p` or its density is not a
+    /// positive number.
+    #[must_use]
+    pub fn sample(&self, geometry: &Geometry, ref_p: Vec3, u: Vec2) -> Option<LightSample> {
+        let sample = match self {
+            Light::Area(l) => l.sample(geometry, ref_p, u),
+            Light::Point(l) => l.sample(ref_p),
+            Light::Spot(l) => l.sample(ref_p),
+            Light::Directional(l) => l.sample(),
+            Light::Constant(l) => l.sample(u),
+            Light::EnvMap(l) => l.sample(u),
+        }?;
+        let usable = sample.pdf > 0.0
+            && sample.pdf.is_finite()
+            && sample.radiance.is_finite()
+            && sample.radiance.max_element() > 0.0;
+        usable.then_some(sample)
+    }
+
+    /// Radiance that arrives from the unit direction `wi` where nothing is
+    /// hit: zero for what is no environment.
+    #[must_use]
+    pub fn environment(&self, wi: Vec3) -> Rgb {
+        match self {
+            Light::Constant(l) => l.radiance,
+            Light::EnvMap(l) => l.radiance(wi),
+            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => Rgb::ZERO,
+        }
+    }
+
+    /// Density per solid angle with which [`Light::sample`] of an environment
+    /// chooses the unit direction `wi`: zero for what is no environment.
+    #[must_use]
+    pub fn pdf_environment(&self, wi: Vec3) -> f32 {
+        match self {
+            Light::Constant(l) => l.pdf(),
+            Light::EnvMap(l) => l.pdf(wi),
+            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => 0.0,
+        }
+    }
+
+    /// True for lights that rays which hit nothing see.
+    #[must_use]
+    pub fn is_environment(&self) -> bool {
+        matches!(self, Light::Constant(_) | Light::EnvMap(_))
+    }
+
+    /// True for lights that only [`Light::sample`] can find.
+    #[must_use]
+    pub fn is_delta(&self) -> bool {
+        matches!(self, Light::Point(_) | Light::Spot(_) | Light::Directional(_))
+    }
+
+    /// Emitted power, as the mean of the RGB channels: for infinite lights
+    /// what enters a sphere of `scene_radius`. Textured lights count their mean
+    /// texel. Zero means that the light is black and can be left out.
+    #[must_use]
+    pub fn power(&self, scene_radius: f64) -> f64 {
+        let disk = std::f64::consts::PI * scene_radius * scene_radius;
+        match self {
+            Light::Area(l) => l.power(),
+            Light::Point(l) => l.power(),
+            Light::Spot(l) => l.power(),
+            Light::Directional(l) => l.normal_irradiance() * disk,
+            Light::Constant(l) => l.radiance_integral() * disk,
+            Light::EnvMap(l) => l.radiance_integral() * disk,
+        }
+    }
+
+    /// `sampling_weight`: finite, not negative.
+    #[must_use]
+    pub fn weight(&self) -> f32 {
+        match self {
+            Light::Area(l) => l.emission.weight,
+            Light::Point(l) => l.weight,
+            Light::Spot(l) => l.weight,
+            Light::Directional(l) => l.weight,
+            Light::Constant(l) => l.weight,
+            Light::EnvMap(l) => l.weight,
+        }
+    }
+
+    /// Bytes of tables and images behind the light.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        match self {
+            Light::Area(l) => l.memory_bytes(),
+            Light::Spot(l) => l.memory_bytes(),
+            Light::EnvMap(l) => l.memory_bytes(),
+            Light::Point(_) | Light::Directional(_) | Light::Constant(_) => 0,
+        }
+    }
+}
+
+/// The mean of the channels: the measure of power and of sampling densities.
+/// Unlike luminance it does not starve the blue of samples.
+fn grey(c: Rgb) -> f64 {
+    (f64::from(c.x) + f64::from(c.y) + f64::from(c.z)) / 3.0
+}
+
+/// The unit vector and distance from `from` to `to`, in f64 so that neither
+/// scale nor distance over- or underflows; `None` when they coincide.
+fn direction(from: Vec3, to: Vec3) -> Option<(Vec3, f64)> {
+    let d = to.as_dvec3() - from.as_dvec3();
+    let distance = d.length();
+    (distance > 0.0 && distance.is_finite()).then(|| ((d / distance).as_vec3(), distance))
+}
+
+/// `c` · `factor` / `distance`², rounded once.
+fn fall_off(c: Rgb, factor: f64, distance: f64) -> Rgb {
+    (c.as_dvec3() * (factor / distance / distance)).as_vec3()
+}
