@@ -105,7 +105,7 @@ fn check_density(name: &str, bsdf: &Bsdf, wo: Vec3, significance: f64) -> Vec<St
     for side in [1.0f32, -1.0] {
         let grid = grid_for(side, wo, &smooth[..smooth.len().min(2000)]);
         let density = |wi: Vec3| if wi.z * side > 0.0 { f64::from(bsdf.pdf(wo, wi)) } else { 0.0 };
-        let cells = grid.integrate(&density, 1e-7);
+        let cells = grid.integrate(&density, 1e-6);
         integral += cells.iter().sum::<f64>();
         let expected: Vec<f64> = cells.iter().map(|c| c * N as f64).collect();
         let mut observed = vec![0u64; grid.len()];

@@ -58,7 +58,7 @@ impl Grid {
             for column in 0..self.columns {
                 let step = 2.0 * PI / self.columns as f64;
                 let phi = [column as f64 * step, (column + 1) as f64 * step];
-                let unknown = (f64::INFINITY, tolerance, 9);
+                let unknown = (f64::INFINITY, tolerance, 8);
                 integrals.push(self.refine(density, [row[0], row[1]], phi, unknown));
             }
         }
