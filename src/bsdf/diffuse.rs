@@ -13,7 +13,7 @@ pub struct Diffuse {
 
 impl Diffuse {
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
-        if !(wo.z > 0.0 && wi.z > 0.0) {
+        if !(wo.z > 0.0 && wi.z > 0.0) || self.reflectance == Rgb::ZERO {
             return (Rgb::ZERO, 0.0);
         }
         let pdf = cosine_hemisphere_pdf(wi.z);

@@ -120,15 +120,13 @@ fn rough_plastics(list: &mut Named) {
     static TABLES: LazyLock<Vec<RoughPlasticTable>> = LazyLock::new(|| {
         COATS.iter().map(|&(kind, alpha, eta)| RoughPlasticTable::new(kind, alpha, eta)).collect()
     });
-    let bases = [("white", Rgb::ONE), ("blue", Rgb::new(0.1, 0.27, 0.36))];
+    let bases = [("white", Rgb::ONE, false), ("blue", Rgb::new(0.1, 0.27, 0.36), true)];
     for (&(kind, alpha, eta), table) in COATS.iter().zip(TABLES.iter()) {
-        for (name, diffuse_reflectance) in bases {
-            for nonlinear in [false, true] {
-                let specular_reflectance = Rgb::ONE;
-                let plastic = RoughPlastic { table, diffuse_reflectance, specular_reflectance, nonlinear };
-                let name = format!("roughplastic {name} {kind:?} {alpha} eta {eta} nonlinear {nonlinear}");
-                list.push((name, plastic.into()));
-            }
+        for (name, diffuse_reflectance, nonlinear) in bases {
+            let specular_reflectance = Rgb::ONE;
+            let plastic = RoughPlastic { table, diffuse_reflectance, specular_reflectance, nonlinear };
+            let name = format!("roughplastic {name} {kind:?} {alpha} eta {eta} nonlinear {nonlinear}");
+            list.push((name, plastic.into()));
         }
     }
 }

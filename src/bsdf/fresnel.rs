@@ -39,14 +39,21 @@ pub fn fresnel_dielectric(cos_i: f32, eta: f32) -> Fresnel {
 #[must_use]
 pub fn fresnel_between(w: Vec3, n: Vec3, eta: f32) -> Fresnel {
     let (w, n) = (w.as_dvec3(), n.as_dvec3());
-    interface(w.dot(n), w.cross(n).length_squared(), f64::from(eta))
+    unnormalised(w.dot(n), w.cross(n).length_squared(), eta)
 }
 
 /// As [`fresnel_dielectric`] for the local unit direction `w` and the normal z.
 #[must_use]
 pub fn fresnel_local(w: Vec3, eta: f32) -> Fresnel {
     let (x, y) = (f64::from(w.x), f64::from(w.y));
-    interface(f64::from(w.z), x * x + y * y, f64::from(eta))
+    unnormalised(f64::from(w.z), x * x + y * y, eta)
+}
+
+/// From a cosine and a squared sine that both carry the rounded lengths of
+/// their vectors: for η within 1e-6 of 1 that rounding would be all of r.
+fn unnormalised(cos_i: f64, sin2_i: f64, eta: f32) -> Fresnel {
+    let length2 = cos_i * cos_i + sin2_i;
+    interface(cos_i / length2.sqrt(), sin2_i / length2, f64::from(eta))
 }
 
 fn interface(cos_i: f64, sin2_i: f64, eta: f64) -> Fresnel {

@@ -145,7 +145,10 @@ impl Microfacet {
     pub fn g1_correction(&self, w: Vec3) -> f32 {
         match self.kind {
             Distribution::Ggx => 1.0,
-            Distribution::Beckmann => self.g1_over_cos(w) / self.visible_over_cos(w),
+            Distribution::Beckmann => {
+                let s = (self.alpha * w.truncate()).length();
+                if w.z.abs() < 4.0 * s { self.g1_over_cos(w) / self.visible_over_cos(w) } else { 1.0 }
+            }
         }
     }
 
@@ -194,7 +197,7 @@ fn visible_beckmann(w: Vec3, u: Vec2) -> Vec3 {
     let (cos_phi, sin_phi) = if sin > 0.0 { (w.x / sin, w.y / sin) } else { (1.0, 0.0) };
     let along = visible_slope(w.z, sin, u.x);
     let across = normal_slope(u.y);
-    Vec3::new(along * cos_phi - across * sin_phi, along * sin_phi + across * cos_phi, 1.0)
+    Vec3::new(across * sin_phi - along * cos_phi, -along * sin_phi - across * cos_phi, 1.0)
 }
 
 #[cfg(test)]

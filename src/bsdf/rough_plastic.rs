@@ -13,7 +13,7 @@ use super::plastic::specular_probability;
 use super::quadrature::gauss_legendre;
 use super::rough_conductor::reflection_terms;
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
+use crate::sampling::{concentric_disk, cosine_hemisphere, cosine_hemisphere_pdf};
 
 /// Cosines in the table: 0, 1/63, …, 1.
 const RESOLUTION: usize = 64;
@@ -176,6 +176,7 @@ fn diffuse_mean(table: &[f64; RESOLUTION]) -> f64 {
 /// Gauss-Legendre points of the unit square, folded along the axis in which
 /// visible normals from the xz plane are mirror images.
 struct Quadrature {
+    kind: Distribution,
     points: Vec<(Vec2, f64)>,
 }
 
@@ -195,13 +196,29 @@ impl Quadrature {
                 })
             })
             .collect();
-        Quadrature { points }
+        Quadrature { kind, points }
     }
 
-    /// Mean of `f` over the visible normals from `w`.
+    /// Mean of `f` over the visible normals from `w` in the xz plane.
     fn mean(&self, distribution: &Microfacet, w: Vec3, f: impl Fn(Vec3) -> f32) -> f64 {
-        self.points.iter().map(|&(u, weight)| weight * f64::from(f(distribution.sample(w, u)))).sum()
+        let normal = |u| match self.kind {
+            Distribution::Beckmann => distribution.sample(w, u),
+            Distribution::Ggx => normal_by_disk(distribution.alpha().x, w, u),
+        };
+        self.points.iter().map(|&(u, weight)| weight * f64::from(f(normal(u)))).sum()
     }
+}
+
+/// Visible GGX normal from `w` in the xz plane by the projected disk (Heitz
+/// 2018), which is how Mitsuba lays out the square: with few points its
+/// quadrature is 4e-4 off, and only the same layout is off in the same way.
+fn normal_by_disk(alpha: f32, w: Vec3, u: Vec2) -> Vec3 {
+    let w = unit(Vec3::new(alpha * w.x, 0.0, w.z));
+    let disk = concentric_disk(u);
+    let (s, rim) = (0.5 * (1.0 + w.z), (1.0 - disk.x * disk.x).max(0.0).sqrt());
+    let y = (1.0 - s) * rim + s * disk.y;
+    let z = (1.0 - disk.x * disk.x - y * y).max(0.0).sqrt();
+    unit(Vec3::new(alpha * (w.x * z - w.z * y), -alpha * disk.x, w.x * y + w.z * z))
 }
 
 #[cfg(test)]

@@ -124,7 +124,7 @@ mod tests {
             let (eta, k) = conductor(name).unwrap();
             assert!(eta.is_finite() && k.is_finite() && eta.min_element() >= 0.0, "{name}");
         }
-        assert!((conductor("Au").unwrap().1.x - 3.982_996_9).abs() < 1e-6);
+        assert!((conductor("Au").unwrap().1.x - 3.982_997).abs() < 1e-6);
         assert_eq!(conductor("none"), Some((Rgb::ZERO, Rgb::ONE)));
         assert_eq!(conductor("Unobtainium"), None);
         for name in IOR_NAMES {
