@@ -1,6 +1,8 @@
 //! Error metrics against hand-computed values, FLIP against the values that
 //! its authors' program gives, the z-test against known distributions.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
+
 use etendue::study::metrics::{
     Failure, Pair, RgbView, Verdict, ZOptions, flip_hdr, flip_ldr, metrics, z_test,
 };
@@ -89,9 +91,9 @@ fn scene(width: usize, height: usize) -> (Vec<f32>, Vec<f32>) {
             ];
             let ripple = 1.0 + 0.15 * (40.0 * u).sin() * (31.0 * v).cos();
             let dot = if (x * 7 + y * 13) % 97 == 0 { 1.5 } else { 0.0 };
-            for c in 0..3 {
-                reference.push(base[c] as f32);
-                test.push((base[c] * ripple + dot * (c as f64 + 1.0) / 3.0) as f32);
+            for (value, part) in base.iter().zip([1.0 / 3.0, 2.0 / 3.0, 1.0]) {
+                reference.push(*value as f32);
+                test.push((value * ripple + dot * part) as f32);
             }
         }
     }

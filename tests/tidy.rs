@@ -1,6 +1,8 @@
 //! The rules that a machine can check and the compiler does not: which room
 //! imports which, sizes, licences, leftovers.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
