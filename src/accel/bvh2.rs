@@ -1,0 +1,325 @@
+//! A binary tree of boxes: both children's boxes in one 64-byte node, at most
+//! four primitives in a leaf, their vertices copied into the order of the
+//! leaves.
+
+use super::Nearest;
+use super::build::{BuildNode, Child, Item, MAX_DEPTH, build};
+use super::simd::{BoxTest, Portable, Task};
+use crate::desc::{Error, Result};
+use crate::math::{Bounds, Vec3};
+use crate::shape::{Geometry, Hit, RayProbe};
+
+/// A binary bounding volume hierarchy.
+#[derive(Clone, Debug)]
+pub struct Bvh2 {
+    nodes: Vec<Node>,
+    entries: Vec<Entry>,
+    root: Option<Reference>,
+    bounds: Bounds,
+    stats: Stats,
+    #[cfg(target_arch = "x86_64")]
+    avx2: Option<super::simd::Avx2>,
+}
+
+/// Numbers about a tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stats {
+    /// Inner nodes.
+    pub nodes: usize,
+    /// Leaves.
+    pub leaves: usize,
+    /// Nodes on the longest way from the root to a leaf.
+    pub depth: usize,
+    /// Expected number of node visits plus primitive tests of a ray that
+    /// crosses the scene's box.
+    pub cost: f64,
+}
+
+/// Two boxes and what is in them. `planes[axis]` holds the lower planes of both
+/// and the upper planes of both.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub struct Node {
+    pub(super) planes: [[f32; 4]; 3],
+    children: [u32; 2],
+}
+
+impl Node {
+    pub(super) fn new(b: [Bounds; 2], children: [u32; 2]) -> Node {
+        let axis = |i: usize| [b[0].min[i], b[1].min[i], b[0].max[i], b[1].max[i]];
+        Node { planes: [axis(0), axis(1), axis(2)], children }
+    }
+}
+
+/// A child of a node in 32 bits: the index of a node, or bit 31, the count
+/// minus one in two bits and the index of the first entry.
+type Reference = u32;
+
+const LEAF: u32 = 1 << 31;
+const COUNT_SHIFT: u32 = 29;
+const INDEX_MASK: u32 = (1 << COUNT_SHIFT) - 1;
+
+/// A primitive in a leaf. Analytic ones leave the vertices unused.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    vertices: [Vec3; 3],
+    prim: u32,
+}
+
+impl Bvh2 {
+    /// Builds the tree. Fails when there are 2²⁹ primitives or more.
+    pub fn new(geometry: &Geometry) -> Result<Bvh2> {
+        if geometry.prim_count() > INDEX_MASK {
+            return Err(Error::new("more than 2^29 primitives").hint("use instances"));
+        }
+        let mut items: Vec<Item> = (0..geometry.prim_count())
+            .map(|prim| Item { bounds: geometry.prim_bounds(prim), prim })
+            .collect();
+        let (tree, root) = build(&mut items);
+        let entries: Vec<Entry> = items
+            .iter()
+            .map(|item| Entry {
+                vertices: geometry.triangle(item.prim).unwrap_or([Vec3::ZERO; 3]),
+                prim: item.prim,
+            })
+            .collect();
+        let nodes = tree.iter().map(|n| Node::new(n.bounds, n.children.map(reference))).collect();
+        Ok(Bvh2 {
+            nodes,
+            root: (!entries.is_empty()).then(|| reference(root)),
+            entries,
+            bounds: geometry.bounds(),
+            stats: stats(&tree, root, &geometry.bounds()),
+            #[cfg(target_arch = "x86_64")]
+            avx2: super::simd::Avx2::detect(),
+        })
+    }
+
+    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
+        self.run(Closest { bvh: self, geometry, probe })
+    }
+
+    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
+        self.run(Occluded { bvh: self, geometry, probe })
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.nodes) + size_of_val(&*self.entries)
+    }
+
+    pub(super) fn stats(&self) -> Stats {
+        self.stats
+    }
+
+    /// A number that changes with any bit of the tree: two builds of the same
+    /// geometry have the same (FNV-1a, 64 bits).
+    #[must_use]
+    pub fn fingerprint(&self) -> u64 {
+        let planes = self.nodes.iter().flat_map(|n| n.planes.as_flattened().iter().map(|x| x.to_bits()));
+        let links = self.nodes.iter().flat_map(|n| n.children).chain(self.entries.iter().map(|e| e.prim));
+        planes.chain(links).fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
+            (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
+        })
+    }
+
+    /// The same tree without vector instructions: to test that they change
+    /// nothing.
+    #[must_use]
+    pub fn portable(self) -> Bvh2 {
+        #[cfg(target_arch = "x86_64")]
+        return Bvh2 { avx2: None, ..self };
+        #[cfg(not(target_arch = "x86_64"))]
+        return self;
+    }
+
+    #[inline]
+    fn run<T: Task>(&self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            return avx2.run(task);
+        }
+        task.run(Portable)
+    }
+
+    /// The entries of a leaf.
+    #[inline(always)]
+    fn leaf(&self, reference: Reference) -> &[Entry] {
+        let first = (reference & INDEX_MASK) as usize;
+        let count = ((reference & !LEAF) >> COUNT_SHIFT) as usize + 1;
+        &self.entries[first..first + count]
+    }
+}
+
+#[inline(always)]
+fn test_entry(entry: &Entry, geometry: &Geometry, probe: &RayProbe, limit: f32) -> Option<Hit> {
+    if entry.prim < geometry.triangle_count() {
+        Geometry::intersect_triangle(entry.prim, &entry.vertices, probe, limit)
+    } else {
+        geometry.intersect_analytic(entry.prim, probe, limit)
+    }
+}
+
+fn reference(child: Child) -> Reference {
+    match child {
+        Child::Node(index) => index,
+        Child::Leaf { first, count } => LEAF | ((count.max(1) - 1) << COUNT_SHIFT) | first,
+    }
+}
+
+/// Children still to be visited. Deep enough for every tree: a visit adds at
+/// most one.
+struct Stack {
+    entries: [(Reference, f32); MAX_DEPTH],
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn new() -> Stack {
+        Stack { entries: [(0, 0.0); MAX_DEPTH], len: 0 }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, reference: Reference, near: f32) {
+        self.entries[self.len] = (reference, near);
+        self.len += 1;
+    }
+
+    /// The latest child that begins before `limit`.
+    #[inline(always)]
+    fn pop(&mut self, limit: f32) -> Option<Reference> {
+        while self.len > 0 {
+            self.len -= 1;
+            let (reference, near) = self.entries[self.len];
+            if near < limit {
+                return Some(reference);
+            }
+        }
+        None
+    }
+}
+
+struct Closest<'a> {
+    bvh: &'a Bvh2,
+    geometry: &'a Geometry,
+    probe: &'a RayProbe,
+}
+
+impl Task for Closest<'_> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run<T: BoxTest>(self, boxes: T) -> Option<Hit> {
+        let ray = boxes.prepare(self.probe);
+        let mut nearest = Nearest::new(self.probe);
+        let mut stack = Stack::new();
+        let mut next = self.bvh.root;
+        while let Some(current) = next {
+            if current & LEAF != 0 {
+                for entry in self.bvh.leaf(current) {
+                    if let Some(hit) = test_entry(entry, self.geometry, self.probe, nearest.limit) {
+                        nearest.take(hit);
+                    }
+                }
+                next = stack.pop(nearest.limit);
+                continue;
+            }
+            // Visit the nearer child first.
+            let node = &self.bvh.nodes[current as usize];
+            let (met, near) = boxes.test(&ray, node, nearest.limit);
+            let [a, b] = node.children;
+            next = match met {
+                [true, true] if near[1] < near[0] => {
+                    stack.push(a, near[0]);
+                    Some(b)
+                }
+                [true, true] => {
+                    stack.push(b, near[1]);
+                    Some(a)
+                }
+                [true, false] => Some(a),
+                [false, true] => Some(b),
+                [false, false] => stack.pop(nearest.limit),
+            };
+        }
+        nearest.hit
+    }
+}
+
+struct Occluded<'a> {
+    bvh: &'a Bvh2,
+    geometry: &'a Geometry,
+    probe: &'a RayProbe,
+}
+
+impl Task for Occluded<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<T: BoxTest>(self, boxes: T) -> bool {
+        let ray = boxes.prepare(self.probe);
+        let limit = self.probe.t_max;
+        let mut stack = Stack::new();
+        let mut next = self.bvh.root;
+        while let Some(current) = next {
+            if current & LEAF != 0 {
+                let hit = |entry: &Entry| test_entry(entry, self.geometry, self.probe, limit).is_some();
+                if self.bvh.leaf(current).iter().any(hit) {
+                    return true;
+                }
+                next = stack.pop(f32::INFINITY);
+                continue;
+            }
+            let node = &self.bvh.nodes[current as usize];
+            let (met, near) = boxes.test(&ray, node, limit);
+            let [a, b] = node.children;
+            next = match met {
+                [true, true] => {
+                    stack.push(b, near[1]);
+                    Some(a)
+                }
+                [true, false] => Some(a),
+                [false, true] => Some(b),
+                [false, false] => stack.pop(f32::INFINITY),
+            };
+        }
+        false
+    }
+}
+
+fn stats(tree: &[BuildNode], root: Child, bounds: &Bounds) -> Stats {
+    let area = |b: &Bounds| {
+        let d = b.extent().as_dvec3();
+        d.x * d.y + d.y * d.z + d.z * d.x
+    };
+    let whole = area(bounds);
+    let share = |b: &Bounds| if whole > 0.0 { area(b) / whole } else { 0.0 };
+    let mut stats = Stats { nodes: tree.len(), ..Stats::default() };
+    let mut depths = vec![1usize; tree.len()];
+    if let Child::Node(_) = root {
+        stats.cost += 1.0;
+    } else {
+        stats.leaves = 1;
+    }
+    // Parents come before their children.
+    for (i, node) in tree.iter().enumerate() {
+        stats.depth = stats.depth.max(depths[i]);
+        for (child, bounds) in node.children.iter().zip(&node.bounds) {
+            match child {
+                Child::Node(c) => {
+                    depths[*c as usize] = depths[i] + 1;
+                    stats.cost += share(bounds);
+                }
+                Child::Leaf { count, .. } => {
+                    stats.leaves += 1;
+                    stats.cost += share(bounds) * f64::from(*count);
+                }
+            }
+        }
+    }
+    stats
+}
