@@ -68,10 +68,11 @@ impl Integrator {
     /// scene shift no bit of the picture.
     #[must_use]
     pub fn radiance_scale(&self, scene: &Scene) -> f64 {
+        let radius = f64::from(scene.bounds().bounding_sphere().1);
         let size = match self {
             Integrator::AmbientOcclusion(_) => 1.0,
-            Integrator::Depth(_) => f64::from(scene.bounds().bounding_sphere().1),
-            _ => scene.lights.iter().map(|l| l.peak()).fold(0.0, f64::max),
+            Integrator::Depth(_) => radius,
+            _ => scene.lights.iter().map(|l| l.magnitude(radius)).fold(0.0, f64::max),
         };
         if size > 0.0 && size.is_finite() { size.log2().ceil().exp2() } else { 1.0 }
     }

@@ -194,3 +194,44 @@ fn direction(from: Vec3, to: Vec3) -> Option<(Vec3, f64)> {
 fn fall_off(c: Rgb, factor: f64, distance: f64) -> Rgb {
     (c.as_dvec3() * (factor / distance / distance)).as_vec3()
 }
+
+impl Light {
+    /// Its scene-file name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Light::Area(_) => "area",
+            Light::Point(_) => "point",
+            Light::Spot(_) => "spot",
+            Light::Directional(_) => "directional",
+            Light::Constant(_) => "constant",
+            Light::EnvMap(_) => "envmap",
+        }
+    }
+
+    /// Mean radiance over all directions, grey: zero for what is no
+    /// environment.
+    #[must_use]
+    pub fn mean_radiance(&self) -> Rgb {
+        let integral = match self {
+            Light::Constant(l) => return l.radiance,
+            Light::EnvMap(l) => l.radiance_integral(),
+            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => 0.0,
+        };
+        Rgb::splat((integral / (4.0 * std::f64::consts::PI)) as f32)
+    }
+
+    /// The order of magnitude of the radiance it causes in a scene of that
+    /// radius: what it emits, or what it gives a white surface at that distance.
+    #[must_use]
+    pub fn magnitude(&self, scene_radius: f64) -> f64 {
+        let whole = 4.0 * std::f64::consts::PI;
+        match self {
+            Light::Area(l) => grey(l.emission.radiance.mean()),
+            Light::Directional(l) => l.normal_irradiance(),
+            Light::Constant(l) => l.radiance_integral() / whole,
+            Light::EnvMap(l) => l.radiance_integral() / whole,
+            Light::Point(_) | Light::Spot(_) => self.power(scene_radius) / (whole * scene_radius * scene_radius),
+        }
+    }
+}
