@@ -81,6 +81,19 @@ def write_exr(path, pixels):
     output.close()
 
 
+def filter_overlap(scene):
+    """Name of the film's filter, and 1 / integral of its square in pixels^-2:
+    by how much neighbours that share samples raise the variance of a mean of
+    many pixels over the sum of theirs."""
+    kernel = scene.sensors()[0].film().rfilter()
+    x = (np.arange(4000) + 0.5) / 4000 * kernel.radius()
+    weights = np.array(kernel.eval(mi.Float(x)) if "llvm" in mi.variant() or "cuda" in mi.variant() else [kernel.eval(v) for v in x], dtype=np.float64)
+    step = 2 * kernel.radius() / len(x)
+    overlap = (weights.sum() * step) ** 2 / ((weights**2).sum() * step)
+    name = str(kernel).split("[")[0].removesuffix("Filter").lower()
+    return {"mitchellnetravali": "mitchell", "lanczossinc": "lanczos"}.get(name, name), round(float(overlap**2), 4)
+
+
 def relative_error(means):
     """Mean luminance of the image and its relative standard error, from passes."""
     values = means @ LUMINANCE
@@ -130,8 +143,7 @@ def make(entry, defaults, variant, pilot):
         "mean_luminance": value,
         "mean_luminance_relative_error": relative,
     }
-    if "filter" in entry:
-        info["filter"] = entry["filter"]
+    info["filter"], info["filter_overlap"] = filter_overlap(scene)
     (REFS / f"{entry['name']}.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
 
 
