@@ -1,5 +1,6 @@
 //! No ray slips through a closed mesh, no ray meets the surface it has just
 //! left, and no shadow ray is stopped by its own light, at any place and scale.
+#![allow(clippy::unwrap_used, reason = "a failed set-up is a failed test")]
 
 mod common_shape;
 
