@@ -2,6 +2,7 @@
 //! occlusion, over soups, needles, duplicates, analytic shapes and rays chosen
 //! to be awkward; scenes scaled by powers of two; trees built by any number of
 //! threads.
+#![allow(clippy::unwrap_used, reason = "a failed set-up is a failed test")]
 
 mod common_shape;
 

@@ -1,6 +1,6 @@
 //! Samples a shape as a light.
 //!
-//! Spheres by the cone they fill, near rectangles by solid angle, all else
+//! Spheres by the cone they fill (from inside by area and direction), near rectangles by solid angle, all else
 //! uniformly in area: meshes choose a triangle by area and a point in it.
 //! Densities are per solid angle at the reference point; the area measure is
 //! converted by the *geometric* normal, dist² / (|cos θ|·A). Which side emits
@@ -84,27 +84,25 @@ impl ShapeSampler {
 
     fn sample_analytic(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
         let analytic = geometry.analytic(self.first_prim)?;
-        match analytic {
-            Analytic::Sphere(sphere) => {
-                let view = SphereView::new(sphere, from);
-                if let (Some((point, wi)), Some(pdf)) = (view.sample(sphere, u), view.pdf()) {
-                    return finish(&self.round(analytic, &point), wi, pdf);
-                }
+        let origin = from.as_dvec3();
+        let chosen = match analytic {
+            Analytic::Sphere(sphere) => Some(SphereView::new(sphere, from).sample(sphere, u)?),
+            Analytic::Rectangle(rectangle) => match RectView::new(rectangle, from).sample(rectangle, u) {
+                Some(point) => Some((point, (point.p - origin).try_normalize()?)),
+                None => None,
+            },
+            Analytic::Disk(_) | Analytic::Cylinder(_) => None,
+        };
+        let (point, wi) = match chosen {
+            Some(chosen) => chosen,
+            None => {
+                let point = analytic.sample_area(u);
+                (point, (point.p - origin).try_normalize()?)
             }
-            Analytic::Rectangle(rectangle) => {
-                let view = RectView::new(rectangle, from);
-                if let (Some(point), Some(pdf)) = (view.sample(rectangle, u), view.pdf()) {
-                    let wi = (point.p - from.as_dvec3()).try_normalize()?;
-                    return finish(&self.round(analytic, &point), wi, pdf);
-                }
-            }
-            Analytic::Disk(_) | Analytic::Cylinder(_) => {}
-        }
-        let point = analytic.sample_area(u);
-        let offset = point.p - from.as_dvec3();
-        let (wi, distance_squared) = (offset.try_normalize()?, offset.length_squared());
+        };
+        let distance_squared = (point.p - origin).length_squared();
         let point = self.round(analytic, &point);
-        finish(&point, wi, self.pdf_by_area(distance_squared, wi, &point))
+        finish(&point, wi, self.pdf_f64(analytic, from, &point, wi, distance_squared))
     }
 
     /// The density per solid angle at `from` with which [`ShapeSampler::sample`]
@@ -119,14 +117,29 @@ impl ShapeSampler {
         wi: Vec3,
         distance_squared: f32,
     ) -> f32 {
-        let by_view = match geometry.analytic(self.first_prim) {
-            Some(Analytic::Sphere(sphere)) => SphereView::new(sphere, from).pdf(),
-            Some(Analytic::Rectangle(rectangle)) => RectView::new(rectangle, from).pdf(),
-            _ => None,
-        };
-        let by_area = || self.pdf_by_area(f64::from(distance_squared), wi.as_dvec3(), point);
-        let pdf = by_view.unwrap_or_else(by_area) as f32;
+        let (wi, distance_squared) = (wi.as_dvec3(), f64::from(distance_squared));
+        let pdf = match geometry.analytic(self.first_prim) {
+            Some(analytic) => self.pdf_f64(analytic, from, point, wi, distance_squared),
+            None => self.pdf_by_area(distance_squared, wi, point),
+        } as f32;
         if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
+    /// The density for analytic shapes: the only place that knows it.
+    fn pdf_f64(
+        &self,
+        analytic: &Analytic,
+        from: Vec3,
+        point: &SurfacePoint,
+        wi: DVec3,
+        distance_squared: f64,
+    ) -> f64 {
+        let by_area = self.pdf_by_area(distance_squared, wi, point);
+        match analytic {
+            Analytic::Sphere(sphere) => SphereView::new(sphere, from).pdf(by_area),
+            Analytic::Rectangle(rectangle) => RectView::new(rectangle, from).pdf().unwrap_or(by_area),
+            Analytic::Disk(_) | Analytic::Cylinder(_) => by_area,
+        }
     }
 
     /// 1/A per area, per solid angle. Infinite edge-on.

@@ -7,14 +7,19 @@ use std::f64::consts::TAU;
 use super::linear::signed;
 use super::{AnalyticPoint, Rectangle, Sphere};
 use crate::math::{DVec3, Vec2, Vec3};
+use crate::sampling::uniform_sphere;
 
-/// A sphere as seen from a point: from outside it is the cone of directions
-/// that meet it, from inside (or from the surface itself) it is all of its
-/// area.
+/// A sphere as seen from a point. From outside it is the cone of directions
+/// that meet it. From inside, or from the surface itself, it is half a uniform
+/// point of its area and half a uniform direction: the first is perfect for a
+/// diffuse point of the sphere itself, the second bounds the weight of points
+/// close to the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphereView {
-    /// 1 - cos of the half angle of the cone; `None` from inside.
+    /// `None` from inside.
     cone: Option<Cone>,
+    /// The viewer relative to the centre.
+    from: DVec3,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,29 +36,58 @@ impl SphereView {
     /// The view of a sphere from a point.
     #[must_use]
     pub fn new(sphere: &Sphere, from: Vec3) -> SphereView {
-        let offset = sphere.centre - from.as_dvec3();
-        let distance = offset.length();
+        let from = from.as_dvec3() - sphere.centre;
+        let distance = from.length();
         let gap = distance - sphere.radius;
         if !(gap > 0.0) || !distance.is_finite() {
-            return SphereView { cone: None };
+            return SphereView { cone: None, from };
         }
         let sin_max = sphere.radius / distance;
         let cos_max = (gap * (distance + sphere.radius)).sqrt() / distance;
         let one_minus_cos_max = sin_max * sin_max / (1.0 + cos_max);
-        SphereView { cone: Some(Cone { axis: offset / distance, sin_max, one_minus_cos_max }) }
+        SphereView { cone: Some(Cone { axis: -from / distance, sin_max, one_minus_cos_max }), from }
     }
 
-    /// Density per solid angle of the cone; `None` from inside, where points
-    /// are uniform in area.
+    /// Density per solid angle of the direction of a point whose density is
+    /// `by_area` when it is chosen uniformly in area.
     #[must_use]
-    pub fn pdf(&self) -> Option<f64> {
-        self.cone.map(|cone| 1.0 / (TAU * cone.one_minus_cos_max))
+    pub fn pdf(&self, by_area: f64) -> f64 {
+        match self.cone {
+            Some(cone) => 1.0 / (TAU * cone.one_minus_cos_max),
+            None => 0.5 * by_area + 0.5 / (2.0 * TAU),
+        }
     }
 
-    /// The near point of the sphere in a uniform direction of the cone, and
-    /// that direction; `None` from inside. pbrt-v4 equation 6.11.
+    /// A point of the sphere and its direction; `None` in the rare case that
+    /// the viewer is on the surface and the direction leads out.
     pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
-        let Cone { axis, sin_max, one_minus_cos_max } = self.cone?;
+        match self.cone {
+            Some(cone) => Some(cone.sample(sphere, u)),
+            None => self.sample_inside(sphere, u),
+        }
+    }
+
+    fn sample_inside(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
+        if u.x < 0.5 {
+            let point = sphere.sample_area(Vec2::new(u.x * 2.0, u.y));
+            let wi = (point.p - sphere.centre - self.from).try_normalize()?;
+            return Some((point, wi));
+        }
+        let wi = uniform_sphere(Vec2::new(u.x * 2.0 - 1.0, u.y)).as_dvec3().normalize();
+        let b = self.from.dot(wi);
+        let c = (self.from.length() - sphere.radius) * (self.from.length() + sphere.radius);
+        let root = (b * b - c).max(0.0).sqrt();
+        let t = if b <= 0.0 { root - b } else { -c / (root + b) };
+        let point = sphere.at((self.from + wi * t).try_normalize()?);
+        (t > 0.0).then_some((point, wi))
+    }
+}
+
+impl Cone {
+    /// The near point of the sphere in a uniform direction of the cone, and
+    /// that direction. pbrt-v4 equation 6.11.
+    fn sample(&self, sphere: &Sphere, u: Vec2) -> (AnalyticPoint, DVec3) {
+        let Cone { axis, sin_max, one_minus_cos_max } = *self;
         let one_minus_cos = f64::from(u.x) * one_minus_cos_max;
         let cos = 1.0 - one_minus_cos;
         let sin2 = one_minus_cos * (2.0 - one_minus_cos);
@@ -62,12 +96,10 @@ impl SphereView {
         let cos_alpha = (sin2 / sin_max + cos * ((1.0 - ratio) * (1.0 + ratio)).max(0.0).sqrt()).min(1.0);
         let sin_alpha = ((1.0 - cos_alpha) * (1.0 + cos_alpha)).sqrt();
         let phi = TAU * f64::from(u.y);
-        // Seen from the centre the viewer is at -axis; basis(-axis) turns the
-        // azimuth the same way for both as long as only one of them uses it.
         let point = sphere.at_angle(-axis, cos_alpha, sin_alpha, phi);
         let across = (point.p - sphere.centre) / sphere.radius + axis * cos_alpha;
         let across = across.try_normalize().unwrap_or(DVec3::ZERO);
-        Some((point, (axis * cos + across * sin2.sqrt()).normalize()))
+        (point, (axis * cos + across * sin2.sqrt()).normalize())
     }
 }
 
