@@ -129,6 +129,19 @@ fn a7_the_same_light_of_two_triangles() {
 }
 
 #[test]
+fn a_flat_light_does_not_light_its_own_back() {
+    for shape in ["rectangle", "disk"] {
+        let body = format!(
+            r#"<shape type="{shape}"><bsdf type="twosided"><bsdf type="diffuse"/></bsdf>{}</shape>"#,
+            grey(1.0)
+        );
+        let camera = ([0.3, 0.2, -2.0], [0.1, 0.1, 0.0]);
+        let all: &[&str] = &["path", "direct", "whitted"];
+        check(&Case { name: "own back", body, camera, expected: 0.0, integrators: all, samples: 64 });
+    }
+}
+
+#[test]
 fn a11_integrating_sphere() {
     // Direct light everywhere is ρ I / (π r²) = ½; with all bounces 1.
     let body = r#"<shape type="sphere"><float name="radius" value="2"/><boolean name="flip_normals" value="true"/>

@@ -67,7 +67,8 @@ impl Path {
         loop {
             let Some(surface) = found else {
                 record.event(|| Event::Left { direction: state.ray.dir });
-                if !(self.hide_emitters && state.bounce == 0) {
+                // As Mitsuba: a hidden environment stays hidden behind holes.
+                if !self.hide_emitters || seen {
                     out.rgb += self.environment(scene, &state, record);
                 }
                 return out;
@@ -153,7 +154,7 @@ impl Path {
             return Rgb::ZERO;
         }
         let (choice, u) = camera.light(scene, state.bounce);
-        let Some(light) = scene.sample_light(hit.surface.p, choice, u) else { return Rgb::ZERO };
+        let Some(light) = scene.sample_light(&hit.surface, choice, u) else { return Rgb::ZERO };
         let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
         if f == Rgb::ZERO {
             return Rgb::ZERO;

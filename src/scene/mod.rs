@@ -17,7 +17,7 @@ use std::sync::Arc;
 use crate::accel::Accel;
 use crate::camera::Camera;
 use crate::film::FilmSpec;
-use crate::light::{Light, LightSample};
+use crate::light::{Light, LightSample, Target};
 use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, SurfacePoint};
@@ -140,12 +140,23 @@ impl Scene {
         self.environment.map_or(Rgb::ZERO, |i| self.lights[i as usize].environment(wi))
     }
 
-    /// Chooses a light and a direction towards it, as seen from `p`.
+    /// Chooses a light and a direction towards it, as seen from a surface point.
     #[must_use]
-    pub fn sample_light(&self, p: Vec3, u_choice: f32, u: Vec2) -> Option<ChosenLight> {
+    pub fn sample_light(&self, from: &SurfacePoint, u_choice: f32, u: Vec2) -> Option<ChosenLight> {
         let (index, pmf) = self.selection.sample(u_choice)?;
-        let sample = self.lights[index].sample(&self.geometry, p, u)?;
+        let sample = self.sample_one_light(index, from, u)?;
         Some(ChosenLight { sample, pdf: sample.pdf * pmf })
+    }
+
+    /// A direction towards one light, by its index.
+    #[must_use]
+    pub fn sample_one_light(&self, index: usize, from: &SurfacePoint, u: Vec2) -> Option<LightSample> {
+        let sample = self.lights[index].sample(&self.geometry, from.p, u)?;
+        // A flat light does not see itself. From a point on it, rounding alone
+        // decides on which side the point lies, and so whether the light fills
+        // half the sky or nothing.
+        let own = matches!(&sample.target, Target::Surface(t) if from.planar && t.prim == from.prim);
+        (!own).then_some(sample)
     }
 
     /// Pdf per solid angle with which [`Scene::sample_light`] from `p` would
