@@ -46,7 +46,8 @@ fn check(case: &Case) {
             let m = means.iter().sum::<f64>() / SEEDS as f64;
             let variance = means.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
             let se = (variance / SEEDS as f64).sqrt();
-            let what = format!("{} with {integrator}, {accel}: {m} ± {se}, expected {}", case.name, case.expected);
+            let what =
+                format!("{} with {integrator}, {accel}: {m} ± {se}, expected {}", case.name, case.expected);
             assert!(se <= 3e-3 * case.expected.abs().max(1e-9), "inconclusive: {what}");
             assert!((m - case.expected).abs() <= 4.0 * se + 1e-5 * case.expected.abs(), "{what}");
         }
@@ -77,7 +78,14 @@ fn a1_point_light_over_a_floor() {
         let integrators: &[&str] = &["path", "direct", "whitted"];
         // At 1e-3 the footprint of a pixel is no longer a point: widen nothing, look closer.
         let camera = if height < 0.1 { ([2e-4, 3e-4, 0.0], camera.1) } else { camera };
-        check(&Case { name: "A1", body, camera, expected: 0.5 / std::f64::consts::PI, integrators, samples: 4 });
+        check(&Case {
+            name: "A1",
+            body,
+            camera,
+            expected: 0.5 / std::f64::consts::PI,
+            integrators,
+            samples: 4,
+        });
     }
 }
 
@@ -89,7 +97,14 @@ fn a2_sphere_light_of_any_angle() {
             r#"{FLOOR}<shape type="sphere"><point name="center" value="0,1,0"/><float name="radius" value="{ratio}"/>{}</shape>"#,
             grey(radiance)
         );
-        check(&Case { name: "A2", body, camera: ABOVE, expected: 0.5, integrators: ALL_DIRECT, samples: 1024 });
+        check(&Case {
+            name: "A2",
+            body,
+            camera: ABOVE,
+            expected: 0.5,
+            integrators: ALL_DIRECT,
+            samples: 1024,
+        });
     }
 }
 
@@ -149,14 +164,22 @@ fn a11_integrating_sphere() {
         <emitter type="point"><rgb name="intensity" value="12.566370614359172"/></emitter>"#;
     let camera = ([0.5, 0.0, 0.0], [1.0, 1.0, 1.0]);
     let direct: &[&str] = &["direct", "whitted"];
-    check(&Case { name: "A11 direct", body: body.into(), camera, expected: 0.5, integrators: direct, samples: 4 });
+    check(&Case {
+        name: "A11 direct",
+        body: body.into(),
+        camera,
+        expected: 0.5,
+        integrators: direct,
+        samples: 4,
+    });
     check(&Case { name: "A11", body: body.into(), camera, expected: 1.0, integrators: PATH, samples: 2048 });
 }
 
 #[test]
 fn a12_closed_emissive_cube_by_depth() {
     for (albedo, depth) in [(0.5, 4), (0.8, 8), (0.8, -1), (0.98, 30)] {
-        let sum: f64 = if depth < 0 { 1.0 / (1.0 - albedo) } else { (1.0 - f64::powi(albedo, depth)) / (1.0 - albedo) };
+        let sum: f64 =
+            if depth < 0 { 1.0 / (1.0 - albedo) } else { (1.0 - f64::powi(albedo, depth)) / (1.0 - albedo) };
         let body = format!(
             r#"<integrator type="path"><integer name="max_depth" value="{depth}"/></integrator>
             <shape type="cube"><boolean name="flip_normals" value="true"/>
@@ -252,7 +275,14 @@ fn directional_light_and_mirror() {
 #[test]
 fn constant_environment_over_a_diffuse_floor() {
     let body = format!(r#"{FLOOR}<emitter type="constant"><rgb name="radiance" value="3"/></emitter>"#);
-    check(&Case { name: "sky", body, camera: ABOVE, expected: 1.5, integrators: &["path", "direct", "whitted"], samples: 1024 });
+    check(&Case {
+        name: "sky",
+        body,
+        camera: ABOVE,
+        expected: 1.5,
+        integrators: &["path", "direct", "whitted"],
+        samples: 1024,
+    });
 }
 
 #[test]
@@ -289,7 +319,14 @@ fn strategies_agree() {
 fn depth_and_ambient_occlusion() {
     let body = FLOOR.to_owned();
     let camera = ([0.0, 0.5, 0.0], [0.0, 0.0, 0.0]);
-    check(&Case { name: "depth", body: body.clone(), camera, expected: 0.5 - 1e-7, integrators: &["depth"], samples: 1 });
+    check(&Case {
+        name: "depth",
+        body: body.clone(),
+        camera,
+        expected: 0.5 - 1e-7,
+        integrators: &["depth"],
+        samples: 1,
+    });
     check(&Case { name: "open floor", body, camera, expected: 1.0, integrators: &["ao"], samples: 16 });
     // Under a disk of radius r at height r half of the cosine-weighted sky is gone.
     let body = format!(

@@ -10,7 +10,8 @@ use etendue::save::{Header, Options, write_exr};
 use etendue::scene::{BuildOptions, Scene};
 use render::{Ready, options, package};
 
-const SCENES: [&str; 3] = ["scenes/cornell-box/scene.xml", "scenes/veach-mis/scene.xml", "scenes/teapot-dof/scene.xml"];
+const SCENES: [&str; 3] =
+    ["scenes/cornell-box/scene.xml", "scenes/veach-mis/scene.xml", "scenes/teapot-dof/scene.xml"];
 const SIZE: [(&str, &str); 2] = [("resx", "72"), ("resy", "56")];
 
 fn exr_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64) -> Vec<u8> {
@@ -31,8 +32,16 @@ fn threads_and_tile_order_do_not_change_a_byte() {
         let one = exr_bytes(&ready, 1, TileOrder::CentreOut, 11);
         assert!(one.len() > 10_000);
         assert_eq!(one, exr_bytes(&ready, 2, TileOrder::CentreOut, 11), "{scene}: two threads");
-        assert_eq!(one, exr_bytes(&ready, 7, TileOrder::Shuffled(3), 11), "{scene}: seven threads, shuffled tiles");
-        assert_ne!(one, exr_bytes(&ready, 1, TileOrder::CentreOut, 12), "{scene}: one more sample is another picture");
+        assert_eq!(
+            one,
+            exr_bytes(&ready, 7, TileOrder::Shuffled(3), 11),
+            "{scene}: seven threads, shuffled tiles"
+        );
+        assert_ne!(
+            one,
+            exr_bytes(&ready, 1, TileOrder::CentreOut, 12),
+            "{scene}: one more sample is another picture"
+        );
     }
 }
 
@@ -40,15 +49,13 @@ fn threads_and_tile_order_do_not_change_a_byte() {
 fn a_crop_is_the_same_region_of_the_whole() {
     for filter in ["box", "tent", "gaussian", "mitchell", "lanczos"] {
         let defines = [("resx", "72"), ("resy", "56"), ("rfilter", filter)];
-        let defines: Vec<(String, String)> = defines.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
+        let defines: Vec<(String, String)> =
+            defines.iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
         let load = etendue::load::LoadOptions { defines, ..Default::default() };
         let desc = etendue::load::load(&package("scenes/features/filters.xml"), &load).unwrap();
         let whole = Ready::build(&desc, None, None);
         let crop = BuildOptions { crop: Some([13, 9, 30, 21]), ..BuildOptions::default() };
-        let part = Ready {
-            scene: Scene::build(&desc, &crop).unwrap(),
-            integrator: whole.integrator.clone(),
-        };
+        let part = Ready { scene: Scene::build(&desc, &crop).unwrap(), integrator: whole.integrator.clone() };
         let mut options = options(5, 3);
         options.layers = LayerSet::ALL;
         let (whole, part) = (whole.render(&options).film.resolve(), part.render(&options).film.resolve());

@@ -70,7 +70,8 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
                 f /= hit.surface.ns.dot(light.sample.wi).abs().max(1e-4);
             }
             let light_pdf = if bug == Bug::WrongMisPdf { light.sample.pdf } else { light.pdf };
-            let mis = if light.sample.delta || bug == Bug::NoMis { 1.0 } else { power_heuristic(light_pdf, pdf) };
+            let mis =
+                if light.sample.delta || bug == Bug::NoMis { 1.0 } else { power_heuristic(light_pdf, pdf) };
             let shadow = match &light.sample.target {
                 Target::Surface(target) => hit.surface.spawn_to(target),
                 Target::Point(p) => hit.surface.spawn_to_point(*p),
@@ -80,7 +81,8 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
                 out.rgb += beta * f * light.sample.radiance * (mis / light.pdf);
             }
         }
-        let Some(sample) = hit.scatter.sample(hit.wo, u.get_1d(dimension + 2), u.get_2d(dimension + 3)) else {
+        let Some(sample) = hit.scatter.sample(hit.wo, u.get_1d(dimension + 2), u.get_2d(dimension + 3))
+        else {
             break;
         };
         beta *= sample.weight;
@@ -95,7 +97,11 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
 
 fn picture(ready: &Ready, samples: u64, seed: u64, bug: Bug) -> Vec<f32> {
     let Integrator::Path(path) = &ready.integrator else { panic!("a path scene") };
-    let film = Film::new(ready.scene.film.clone(), LayerSet::default(), ready.integrator.radiance_scale(&ready.scene));
+    let film = Film::new(
+        ready.scene.film.clone(),
+        LayerSet::default(),
+        ready.integrator.radiance_scale(&ready.scene),
+    );
     for rect in film.tiles() {
         let mut tile = film.tile(rect);
         for pixel in rect.pixels() {

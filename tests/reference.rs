@@ -24,11 +24,12 @@ fn chosen(name: &str) -> bool {
 fn check(names: &[String]) {
     let mut failures = Vec::new();
     for name in names.iter().filter(|n| chosen(n)) {
+        let clock = std::time::Instant::now();
         let reference = Reference::read(name);
         let ready = reference.scene(|_| {});
         let ours = reference.ours(&ready);
         let report = reference.test(&ours, reference::overlap(&ready.scene.film.filter));
-        println!("{name}: {report}");
+        println!("{name} ({:.1} s): {report}", clock.elapsed().as_secs_f64());
         if !report.passed() {
             let folder = reference.dump(&ours);
             failures.push(format!("{name}: {report}\n  pictures in {}", folder.display()));

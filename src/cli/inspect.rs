@@ -74,7 +74,10 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
             ),
             Event::Absorbed => println!("  absorbed"),
             Event::Roulette { survival, survived } => {
-                println!("  roulette: survives with {survival:.6}, {}", if *survived { "did" } else { "did not" });
+                println!(
+                    "  roulette: survives with {survival:.6}, {}",
+                    if *survived { "did" } else { "did not" }
+                );
             }
         }
     }

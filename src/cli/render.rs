@@ -28,7 +28,11 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     drop(desc);
     let open_ended = args.spp.is_none() && (args.time.is_some() || args.error.is_some());
     let options = RenderOptions {
-        samples_per_pixel: args.spp.unwrap_or(if open_ended { MOST_SAMPLES } else { scene.samples_per_pixel }),
+        samples_per_pixel: args.spp.unwrap_or(if open_ended {
+            MOST_SAMPLES
+        } else {
+            scene.samples_per_pixel
+        }),
         time: args.time.map(Duration::from_secs_f64),
         error: args.error,
         seed: args.seed,
@@ -79,7 +83,8 @@ impl Output {
         for path in [&exr, &png, &args.stats].into_iter().flatten() {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             if !folder.is_dir() {
-                let message = format!("cannot write `{}`: there is no folder `{}`", path.display(), folder.display());
+                let message =
+                    format!("cannot write `{}`: there is no folder `{}`", path.display(), folder.display());
                 return Err(Error::new(message));
             }
         }
@@ -158,14 +163,21 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
         );
     }
     if stats.stopped == Stopped::Interrupted {
-        eprintln!("to go on from here, render again with more samples: the first {} are the same", stats.samples_per_pixel);
+        eprintln!(
+            "to go on from here, render again with more samples: the first {} are the same",
+            stats.samples_per_pixel
+        );
     }
     if stats.bad.total() == 0 {
         return ExitCode::SUCCESS;
     }
     eprintln!("warning: samples left out: {}", stats.bad.summary());
     for (x, y, index) in &stats.bad.located {
-        eprintln!("  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}", args.scene.scene.display(), args.seed);
+        eprintln!(
+            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}",
+            args.scene.scene.display(),
+            args.seed
+        );
     }
     if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }

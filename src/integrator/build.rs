@@ -70,13 +70,16 @@ impl Integrator {
             "ao" => Integrator::AmbientOcclusion(AmbientOcclusion { distance: f32::INFINITY }),
             "depth" => Integrator::Depth(Depth),
             _ => {
-                return Err(Error::new(format!("unknown integrator `{name}`")).suggest(name, NAMES.iter().copied()));
+                return Err(
+                    Error::new(format!("unknown integrator `{name}`")).suggest(name, NAMES.iter().copied())
+                );
             }
         })
     }
 
     fn limit_depth(&mut self, depth: i64) -> Result<()> {
-        let limit = depth_limit(depth).ok_or_else(|| Error::new(format!("--max-depth must be −1 or more, found {depth}")))?;
+        let limit = depth_limit(depth)
+            .ok_or_else(|| Error::new(format!("--max-depth must be −1 or more, found {depth}")))?;
         match self {
             Integrator::Path(path) => path.max_depth = limit,
             Integrator::Whitted(whitted) => whitted.max_depth = limit.min(WHITTED_MAX_DEPTH),
@@ -103,8 +106,9 @@ fn depth_limit(depth: i64) -> Option<u32> {
 
 fn max_depth(params: &Params, default: i64) -> Result<u32> {
     let depth = params.int("max_depth", default)?;
-    depth_limit(depth)
-        .ok_or_else(|| params.error_at("max_depth", format!("`max_depth` must be −1 (no limit) or more, found {depth}")))
+    depth_limit(depth).ok_or_else(|| {
+        params.error_at("max_depth", format!("`max_depth` must be −1 (no limit) or more, found {depth}"))
+    })
 }
 
 fn read(params: &Params) -> Result<Integrator> {
@@ -123,8 +127,10 @@ fn read(params: &Params) -> Result<Integrator> {
             })
         }
         "direct" => {
-            if params.has("shading_samples") && (params.has("emitter_samples") || params.has("bsdf_samples")) {
-                let message = "give either `shading_samples` or `emitter_samples` and `bsdf_samples`, not both";
+            if params.has("shading_samples") && (params.has("emitter_samples") || params.has("bsdf_samples"))
+            {
+                let message =
+                    "give either `shading_samples` or `emitter_samples` and `bsdf_samples`, not both";
                 return Err(params.error_at("shading_samples", message));
             }
             let shading = params.int("shading_samples", 1)?;
@@ -142,8 +148,7 @@ fn read(params: &Params) -> Result<Integrator> {
             Integrator::Direct(Direct { emitter_samples, bsdf_samples, hide_emitters: hide_emitters()? })
         }
         "whitted" => {
-            let ambient =
-                if params.has("ambient") { Some(params.rgb("ambient", Rgb::ZERO)?) } else { None };
+            let ambient = if params.has("ambient") { Some(params.rgb("ambient", Rgb::ZERO)?) } else { None };
             let cutoff = params.float("cutoff", f64::from(DEFAULT_WHITTED.cutoff))? as f32;
             let max_depth = max_depth(params, i64::from(DEFAULT_WHITTED.max_depth))?.min(WHITTED_MAX_DEPTH);
             Integrator::Whitted(Whitted { max_depth, ambient, cutoff, hide_emitters: hide_emitters()? })
@@ -151,13 +156,17 @@ fn read(params: &Params) -> Result<Integrator> {
         "ao" => {
             let distance = params.float_opt("distance")?.unwrap_or(f64::INFINITY);
             if !(distance > 0.0) {
-                return Err(params.error_at("distance", format!("`distance` must be positive, found {distance}")));
+                return Err(
+                    params.error_at("distance", format!("`distance` must be positive, found {distance}"))
+                );
             }
             Integrator::AmbientOcclusion(AmbientOcclusion { distance: distance as f32 })
         }
         "depth" => Integrator::Depth(Depth),
         name => {
-            return Err(params.error(format!("unknown integrator `{name}`")).suggest(name, NAMES.iter().copied()));
+            return Err(params
+                .error(format!("unknown integrator `{name}`"))
+                .suggest(name, NAMES.iter().copied()));
         }
     })
 }

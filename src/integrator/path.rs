@@ -125,7 +125,13 @@ impl Path {
     }
 
     /// Light emitted at the vertex, weighed against having sampled it as a light.
-    fn hit_light<R: Record>(&self, scene: &Scene, surface: &SurfacePoint, state: &State, record: &mut R) -> Rgb {
+    fn hit_light<R: Record>(
+        &self,
+        scene: &Scene,
+        surface: &SurfacePoint,
+        state: &State,
+        record: &mut R,
+    ) -> Rgb {
         let le = scene.emitted(surface, -state.ray.dir);
         if le == Rgb::ZERO {
             return Rgb::ZERO;

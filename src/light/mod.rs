@@ -231,7 +231,9 @@ impl Light {
             Light::Directional(l) => l.normal_irradiance(),
             Light::Constant(l) => l.radiance_integral() / whole,
             Light::EnvMap(l) => l.radiance_integral() / whole,
-            Light::Point(_) | Light::Spot(_) => self.power(scene_radius) / (whole * scene_radius * scene_radius),
+            Light::Point(_) | Light::Spot(_) => {
+                self.power(scene_radius) / (whole * scene_radius * scene_radius)
+            }
         }
     }
 }

@@ -85,7 +85,8 @@ fn build(scene: &SceneDesc, id: ObjectId, depth: usize) -> Result<Material> {
         name @ ("bumpmap" | "normalmap") => {
             let [inner] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
             if inner.any(|m| matches!(m, Material::Perturbed(..))) {
-                let message = format!("bsdf `{name}` cannot hold another bump or normal map; combine the two textures");
+                let message =
+                    format!("bsdf `{name}` cannot hold another bump or normal map; combine the two textures");
                 return Err(params.error(message));
             }
             Material::Perturbed(perturbation(&params, name)?, Box::new(inner))
@@ -93,7 +94,9 @@ fn build(scene: &SceneDesc, id: ObjectId, depth: usize) -> Result<Material> {
         name => match surface(&params, name)? {
             Some(surface) => Material::Surface(surface),
             None => {
-                return Err(params.error(format!("unknown bsdf `{name}`")).suggest(name, NAMES.iter().copied()));
+                return Err(params
+                    .error(format!("unknown bsdf `{name}`"))
+                    .suggest(name, NAMES.iter().copied()));
             }
         },
     };
@@ -106,7 +109,10 @@ fn exactly<const N: usize>(params: &Params, nested: Vec<Material>) -> Result<[Ma
     let found = nested.len();
     nested.try_into().map_err(|_| {
         let plugin = &params.object().plugin;
-        params.error(format!("bsdf `{plugin}` needs {N} nested bsdf{}, found {found}", if N == 1 { "" } else { "s" }))
+        params.error(format!(
+            "bsdf `{plugin}` needs {N} nested bsdf{}, found {found}",
+            if N == 1 { "" } else { "s" }
+        ))
     })
 }
 
@@ -131,7 +137,9 @@ fn perturbation(params: &Params, name: &str) -> Result<Perturbation> {
     } else {
         let textures = params.children(Category::Texture);
         let [(_, id)] = textures.as_slice() else {
-            return Err(params.error(format!("bsdf `bumpmap` needs one nested texture, found {}", textures.len())));
+            return Err(
+                params.error(format!("bsdf `bumpmap` needs one nested texture, found {}", textures.len()))
+            );
         };
         Map::Bump(texture_from_desc(params.scene(), *id, Usage::Scalar)?, params.float("scale", 1.0)? as f32)
     };
@@ -144,9 +152,9 @@ fn perturbation(params: &Params, name: &str) -> Result<Perturbation> {
 
 fn surface(params: &Params, name: &str) -> Result<Option<Surface>> {
     Ok(Some(match name {
-        "diffuse" => {
-            Surface::Diffuse { reflectance: texture_param(params, "reflectance", Rgb::splat(0.5), Usage::Reflectance)? }
-        }
+        "diffuse" => Surface::Diffuse {
+            reflectance: texture_param(params, "reflectance", Rgb::splat(0.5), Usage::Reflectance)?,
+        },
         "dielectric" | "thindielectric" => Surface::Dielectric {
             eta: relative_ior(params, "bk7")?,
             reflectance: texture_param(params, "specular_reflectance", WHITE, Usage::Reflectance)?,
@@ -199,12 +207,7 @@ fn plastic(params: &Params, rough: bool) -> Result<Surface> {
     } else {
         Coating::Smooth(Coat::smooth(eta))
     };
-    Ok(Surface::Plastic {
-        coat,
-        diffuse,
-        specular,
-        nonlinear: params.bool("nonlinear", false)?,
-    })
+    Ok(Surface::Plastic { coat, diffuse, specular, nonlinear: params.bool("nonlinear", false)? })
 }
 
 fn distribution(params: &Params) -> Result<Distribution> {
@@ -267,7 +270,8 @@ fn ior_param(params: &Params, name: &'static str, default: &str) -> Result<f64> 
         Some(Value::Int(v)) => *v as f64,
         Some(other) => {
             let found = other.type_name();
-            return Err(params.error_at(name, format!("`{name}` must be a number or a material's name, found {found}")));
+            return Err(params
+                .error_at(name, format!("`{name}` must be a number or a material's name, found {found}")));
         }
     };
     if !(value > 0.0 && value.is_finite()) {

@@ -1,8 +1,8 @@
 //! The leaves of a material: one bsdf, its parameters read from textures.
 
 use crate::bsdf::{
-    Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor, RoughDielectric,
-    RoughPlastic, RoughPlasticTable, ThinDielectric,
+    Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor,
+    RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
 };
 use crate::math::Vec2;
 use crate::texture::Texture;
@@ -104,15 +104,13 @@ impl Surface {
                     Dielectric { eta: *eta, specular_reflectance: r, specular_transmittance: t }.into()
                 }
             }
-            Surface::RoughDielectric { eta, reflectance, transmittance, roughness } => {
-                RoughDielectric {
-                    distribution: roughness.at(uv),
-                    eta: *eta,
-                    specular_reflectance: reflectance.eval(uv),
-                    specular_transmittance: transmittance.eval(uv),
-                }
-                .into()
+            Surface::RoughDielectric { eta, reflectance, transmittance, roughness } => RoughDielectric {
+                distribution: roughness.at(uv),
+                eta: *eta,
+                specular_reflectance: reflectance.eval(uv),
+                specular_transmittance: transmittance.eval(uv),
             }
+            .into(),
             Surface::Conductor { eta, k, reflectance, roughness } => {
                 let (eta, k, specular_reflectance) = (eta.eval(uv), k.eval(uv), reflectance.eval(uv));
                 match roughness {
@@ -179,16 +177,18 @@ impl Surface {
     /// True when it depends on the direction of the tangent.
     pub fn is_anisotropic(&self) -> bool {
         match self {
-            Surface::RoughDielectric { roughness, .. } | Surface::Conductor { roughness: Some(roughness), .. } => {
-                roughness.alpha_v.is_some()
-            }
+            Surface::RoughDielectric { roughness, .. }
+            | Surface::Conductor { roughness: Some(roughness), .. } => roughness.alpha_v.is_some(),
             _ => false,
         }
     }
 
     /// True when it has delta lobes only, wherever it is evaluated.
     pub fn is_delta_only(&self) -> bool {
-        matches!(self, Surface::Dielectric { .. } | Surface::Conductor { roughness: None, .. } | Surface::Null)
+        matches!(
+            self,
+            Surface::Dielectric { .. } | Surface::Conductor { roughness: None, .. } | Surface::Null
+        )
     }
 
     /// True for `null`.

@@ -29,7 +29,8 @@ pub fn order(tiles: &mut [Rect], order: TileOrder) {
             let bounds = tiles.iter().fold((i32::MAX, i32::MAX, i32::MIN, i32::MIN), |b, t| {
                 (b.0.min(t.min.0), b.1.min(t.min.1), b.2.max(t.max.0), b.3.max(t.max.1))
             });
-            let centre = (i64::from(bounds.0) + i64::from(bounds.2), i64::from(bounds.1) + i64::from(bounds.3));
+            let centre =
+                (i64::from(bounds.0) + i64::from(bounds.2), i64::from(bounds.1) + i64::from(bounds.3));
             tiles.sort_by_key(|t| {
                 let dx = i64::from(t.min.0) + i64::from(t.max.0) - centre.0;
                 let dy = i64::from(t.min.1) + i64::from(t.max.1) - centre.1;

@@ -96,12 +96,18 @@ fn one_sensor(root: &Params) -> Result<ObjectId> {
 }
 
 /// Film, samples per pixel and sampler name of a sensor.
-fn read_sensor(desc: &SceneDesc, sensor: ObjectId, options: &BuildOptions) -> Result<(FilmSpec, u64, String)> {
+fn read_sensor(
+    desc: &SceneDesc,
+    sensor: ObjectId,
+    options: &BuildOptions,
+) -> Result<(FilmSpec, u64, String)> {
     let params = desc.params(sensor);
     let mut film = match params.children(Category::Film).as_slice() {
         [] => FilmSpec::default(),
         [(_, id)] => FilmSpec::from_desc(desc, *id)?,
-        [_, (_, second), ..] => return Err(desc.error(desc.object(*second).pos, "a sensor has one film only")),
+        [_, (_, second), ..] => {
+            return Err(desc.error(desc.object(*second).pos, "a sensor has one film only"));
+        }
     };
     film.override_window(options.size, options.crop)?;
     let (mut spp, mut name) = (4, "independent".to_owned());
@@ -109,7 +115,9 @@ fn read_sensor(desc: &SceneDesc, sensor: ObjectId, options: &BuildOptions) -> Re
         let sampler = desc.params(*id);
         let count = sampler.int("sample_count", 4)?;
         if count < 1 {
-            return Err(sampler.error_at("sample_count", format!("`sample_count` must be at least 1, found {count}")));
+            return Err(
+                sampler.error_at("sample_count", format!("`sample_count` must be at least 1, found {count}"))
+            );
         }
         // Ours need no tuning and no seed from the file.
         for known in ["seed", "jitter", "strength"] {
@@ -127,10 +135,14 @@ impl Builder<'_> {
         let object = self.desc.object(id);
         if object.plugin == "area" {
             let message = "emitter `area` must stand inside a shape";
-            return Err(self.desc.error(object.pos, message).hint("`constant` lights the scene from everywhere"));
+            return Err(self
+                .desc
+                .error(object.pos, message)
+                .hint("`constant` lights the scene from everywhere"));
         }
         let light = emitter_from_desc(self.desc, id, self.recentre)?;
-        if light.is_environment() && self.pending.iter().any(|p| matches!(p, Pending::Ready(l) if l.is_environment()))
+        if light.is_environment()
+            && self.pending.iter().any(|p| matches!(p, Pending::Ready(l) if l.is_environment()))
         {
             return Err(self.desc.error(object.pos, "a scene has one environment only; this is the second"));
         }
@@ -177,7 +189,12 @@ impl Builder<'_> {
     }
 
     /// Adds the primitives of a shape; `None` when it has none.
-    fn geometry(&mut self, params: &Params, material: &Material, textured_light: bool) -> Result<Option<ShapeId>> {
+    fn geometry(
+        &mut self,
+        params: &Params,
+        material: &Material,
+        textured_light: bool,
+    ) -> Result<Option<ShapeId>> {
         let object = params.object();
         let to_world = Transform::translate(-self.recentre).after(&params.transform("to_world")?);
         let flip = params.bool("flip_normals", false)?;
@@ -214,13 +231,20 @@ impl Builder<'_> {
                 self.geometry.add_cylinder([p0, p1], radius, &to_world, flip)
             }
             name => {
-                return Err(params.error(format!("unknown shape `{name}`")).suggest(name, SHAPES.iter().copied()));
+                return Err(params
+                    .error(format!("unknown shape `{name}`"))
+                    .suggest(name, SHAPES.iter().copied()));
             }
         };
         shape.map(Some).map_err(at)
     }
 
-    fn mesh(&mut self, mesh: &crate::desc::Mesh, to_world: &Transform, options: MeshOptions) -> Result<Option<ShapeId>> {
+    fn mesh(
+        &mut self,
+        mesh: &crate::desc::Mesh,
+        to_world: &Transform,
+        options: MeshOptions,
+    ) -> Result<Option<ShapeId>> {
         let keep_uvs = options.keep_uvs;
         if mesh.triangles.is_empty() {
             return Ok(None);
@@ -297,7 +321,13 @@ impl Builder<'_> {
         })
     }
 
-    fn finish_plan(&mut self, geometry: &crate::shape::Geometry, accel: &Accel, lights: &[Light], environment: bool) {
+    fn finish_plan(
+        &mut self,
+        geometry: &crate::shape::Geometry,
+        accel: &Accel,
+        lights: &[Light],
+        environment: bool,
+    ) {
         let plan = &mut self.plan;
         plan.triangles = geometry.triangle_count() as usize;
         plan.analytic = geometry.prim_count() as usize - plan.triangles;

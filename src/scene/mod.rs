@@ -171,9 +171,8 @@ impl Scene {
     /// The same for the environment.
     #[must_use]
     pub fn environment_pdf(&self, wi: Vec3) -> f32 {
-        self.environment.map_or(0.0, |i| {
-            self.selection.pmf(i as usize) * self.lights[i as usize].pdf_environment(wi)
-        })
+        self.environment
+            .map_or(0.0, |i| self.selection.pmf(i as usize) * self.lights[i as usize].pdf_environment(wi))
     }
 
     /// Bounds of all primitives, recentred.

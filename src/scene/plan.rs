@@ -92,7 +92,10 @@ impl Plan {
         leave(self.lights <= 1, "light choice: at most one light; 1 dimension a vertex saved".into());
         leave(self.lights == 0, "light sampling: there is no light to sample".into());
         leave(!self.smooth_surfaces, "shadow rays: every surface is a mirror or smooth glass".into());
-        leave(self.delta_lights_only && self.lights > 0, "light hits: no light has an area; MIS is not needed".into());
+        leave(
+            self.delta_lights_only && self.lights > 0,
+            "light hits: no light has an area; MIS is not needed".into(),
+        );
         leave(!self.environment, "environment: none; a ray that leaves is black".into());
         leave(!self.alpha, "alpha: nothing is see-through".into());
         leave(
@@ -146,10 +149,18 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "There is")?;
-        writeln!(f, "  shapes      {} ({} triangles, {} analytic)", self.shapes, self.triangles, self.analytic)?;
+        writeln!(
+            f,
+            "  shapes      {} ({} triangles, {} analytic)",
+            self.shapes, self.triangles, self.analytic
+        )?;
         writeln!(f, "  materials   {} ({})", self.materials, join(&self.bsdfs))?;
         writeln!(f, "  lights      {} ({})", self.lights, join(&self.light_kinds))?;
-        writeln!(f, "  sampler     Owen-scrambled Sobol (the file says `{}`; its sample count is used)", self.file_sampler)?;
+        writeln!(
+            f,
+            "  sampler     Owen-scrambled Sobol (the file says `{}`; its sample count is used)",
+            self.file_sampler
+        )?;
         let (before, per_vertex) = self.dimensions();
         writeln!(f, "  dimensions  {before} for the camera, at most {per_vertex} a vertex")?;
         writeln!(

@@ -35,9 +35,11 @@ impl LightSelection {
             return LightSelection { table: None, single: Some(*only), pmf };
         }
         match AliasTable::new(&share) {
-            Some(table) => {
-                LightSelection { table: Some(table), single: None, pmf: share.iter().map(|s| (s / sum) as f32).collect() }
-            }
+            Some(table) => LightSelection {
+                table: Some(table),
+                single: None,
+                pmf: share.iter().map(|s| (s / sum) as f32).collect(),
+            },
             None => LightSelection { table: None, single: None, pmf: vec![0.0; share.len()] },
         }
     }

@@ -25,7 +25,7 @@
 use std::fmt;
 
 use super::metrics::{Pair, RgbView};
-use super::statistics::sidak_threshold;
+use super::statistics::{normal_deviate, sidak_threshold};
 use crate::desc::{Error, Result};
 
 /// How strict [`z_test`] is. The default is the rule of `tests/reference.rs`.
@@ -49,6 +49,19 @@ pub struct ZOptions {
     pub reference_mean_error: Option<f64>,
     /// The same for the picture.
     pub image_mean_error: Option<f64>,
+    /// Degrees of freedom of the picture's variances (renders they come from,
+    /// less one); infinite where they are exact.
+    pub image_freedom: f64,
+    /// The same for the reference.
+    pub reference_freedom: f64,
+}
+
+impl ZOptions {
+    /// Degrees of freedom of the sum of two variances (Welch 1947).
+    fn freedom(&self, image: f64, reference: f64) -> f64 {
+        let spread = image * image / self.image_freedom + reference * reference / self.reference_freedom;
+        if spread > 0.0 { (image + reference).powi(2) / spread } else { f64::INFINITY }
+    }
 }
 
 impl Default for ZOptions {
@@ -61,6 +74,8 @@ impl Default for ZOptions {
             overlap: 1.0,
             reference_mean_error: None,
             image_mean_error: None,
+            image_freedom: f64::INFINITY,
+            reference_freedom: f64::INFINITY,
         }
     }
 }
@@ -234,7 +249,8 @@ impl Data {
             let (a, b) = (self.image[index], self.reference[index]);
             let variance = self.image_variance[index] + self.reference_variance[index];
             let tolerance = TOLERANCE * b.abs() + BLACK_TOLERANCE * self.mean;
-            let z = z_score(a - b, variance, tolerance / level.threshold);
+            let freedom = options.freedom(self.image_variance[index], self.reference_variance[index]);
+            let z = z_score(a - b, variance, tolerance / level.threshold, freedom);
             let pixel = index / 3;
             level.add(z, [pixel % self.width, pixel / self.width, index % 3], false);
         }
@@ -254,7 +270,10 @@ impl Data {
                     let scale = (block.reference / n).abs();
                     let tolerance = (TOLERANCE * scale + BLACK_TOLERANCE * self.mean) / level.threshold;
                     let small = difference.abs() < options.block_limit * scale.max(self.mean);
-                    level.add(z_score(difference, variance, tolerance), [x, y, channel], small);
+                    // Neighbours share samples: their variances are counted as one.
+                    let freedom =
+                        options.freedom(block.image_variance, block.variance - block.image_variance);
+                    level.add(z_score(difference, variance, tolerance, freedom), [x, y, channel], small);
                 }
             }
         }
@@ -270,6 +289,7 @@ impl Data {
                 sums.pixels += 1;
                 sums.image += self.image[index];
                 sums.reference += self.reference[index];
+                sums.image_variance += self.image_variance[index];
                 sums.variance += self.image_variance[index] + self.reference_variance[index];
             }
         }
@@ -300,13 +320,15 @@ struct BlockSums {
     pixels: usize,
     image: f64,
     reference: f64,
+    image_variance: f64,
     variance: f64,
 }
 
-/// Difference over its standard error; 0 for no difference at all, infinite
-/// where something is not finite.
-fn z_score(difference: f64, variance: f64, tolerance: f64) -> f64 {
-    let z = if difference == 0.0 { 0.0 } else { difference / (variance + tolerance * tolerance).sqrt() };
+/// Difference over its standard error as a normal deviate; 0 for no
+/// difference at all, infinite where something is not finite.
+fn z_score(difference: f64, variance: f64, tolerance: f64, freedom: f64) -> f64 {
+    let t = if difference == 0.0 { 0.0 } else { difference / (variance + tolerance * tolerance).sqrt() };
+    let z = normal_deviate(t, freedom);
     if z.is_finite() && variance.is_finite() { z } else { f64::INFINITY }
 }
 

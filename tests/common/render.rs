@@ -49,7 +49,8 @@ impl Ready {
     /// From XML in the test.
     #[allow(dead_code, reason = "not every test binary uses XML")]
     pub fn from_xml(xml: &str, integrator: Option<&str>, accel: Option<&str>) -> Ready {
-        let desc = load_str(xml, &package("tests/data"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let desc =
+            load_str(xml, &package("tests/data"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         Ready::build(&desc, integrator, accel)
     }
 
