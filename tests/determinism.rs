@@ -18,11 +18,11 @@ fn exr_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64) -> V
     let mut options = options(samples, 7);
     (options.threads, options.order, options.layers) = (threads, order, LayerSet::ALL);
     let rendered = ready.render(&options);
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("out.exr");
     let header = Header { attributes: vec![("etendue/seed".into(), "7".into())], ..Header::default() };
-    write_exr(&path, &rendered.film.resolve(), &header, Options::default()).unwrap();
-    std::fs::read(&path).unwrap()
+    write_exr(&path, &rendered.film.resolve(), &header, Options::default()).unwrap_or_else(|e| panic!("{e}"));
+    std::fs::read(&path).expect("the file written")
 }
 
 #[test]

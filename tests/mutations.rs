@@ -5,6 +5,8 @@
 //! passes the very test of `tests/reference.rs`; with any of the bugs below it
 //! must not. So the comparison has the power that it claims.
 
+#![allow(clippy::print_stdout, reason = "the report of a test is what it prints")]
+
 #[path = "common/reference.rs"]
 mod reference;
 #[path = "common/render.rs"]

@@ -86,11 +86,15 @@ impl Sampler {
 }
 
 /// Which of the two interleaved halves of a pixel's set a sample belongs to: 0
-/// or 1. The parity of every second bit of the index, so that both halves of
-/// any 4^k samples are themselves well spread.
+/// or 1. Inside a block of 16 the parity of every second bit of the index, so
+/// that both are well spread; from block to block the two change places by a
+/// hash. Without that the halves would be a fixed linear function of the index
+/// bits, which in four Sobol' dimensions is also a digit of a coordinate: the
+/// difference of the halves then stays at some 0.19 of the integrand's range
+/// for any number of samples (measured for all of 0xaaaa…, 0x5555…, 0xcccc…).
 #[must_use]
 pub fn half_of(index: u64) -> usize {
-    ((index & 0xaaaa_aaaa_aaaa_aaaa).count_ones() & 1) as usize
+    ((u64::from((index & 0xa).count_ones()) ^ mix(index >> 4)) & 1) as usize
 }
 
 fn scrambled(reversed: u32, seed: u32) -> f32 {
@@ -117,7 +121,7 @@ mod tests {
             let ones: usize = (16 * block..16 * block + 16).map(half_of).sum();
             assert_eq!(ones, 8);
         }
-        assert_eq!([0, 1, 2, 3, 8, 10].map(half_of), [0, 0, 1, 1, 1, 0]);
+        assert_eq!([0, 1, 2, 3, 8, 10].map(|i| half_of(i) ^ half_of(0)), [0, 0, 1, 1, 1, 0]);
     }
 
     #[test]

@@ -32,6 +32,13 @@ const BATCHES: u64 = 16;
 const WANTED: (f64, f64) = (2e-4, 6e-4);
 /// Samples per pixel and batch: first try and most.
 const SAMPLES: (u64, u64) = (16, 4096);
+/// Most samples in all batches unless the long run is asked for.
+const BUDGET: u64 = 30_000_000;
+
+/// True when `ETENDUE_REFERENCE_LONG` asks for as many samples as it takes.
+pub fn long_run() -> bool {
+    std::env::var_os("ETENDUE_REFERENCE_LONG").is_some()
+}
 
 /// Our picture with its variance.
 pub struct Ours {
@@ -87,16 +94,18 @@ impl Reference {
     /// mean is known well enough.
     pub fn batches(&self, mut picture: impl FnMut(u64, u64) -> Vec<f32>) -> Ours {
         let wanted = self.mean_error().clamp(WANTED.0, WANTED.1);
+        let pixels = (self.width * self.height) as u64;
+        let most = if long_run() { SAMPLES.1 } else { SAMPLES.1.min(BUDGET / (BATCHES * pixels)) };
         let mut samples = SAMPLES.0;
         loop {
             let batches: Vec<Vec<f32>> = (0..BATCHES).map(|seed| picture(samples, 1000 + seed)).collect();
             let ours = Ours::of(&batches);
-            if ours.mean_error <= wanted || samples >= SAMPLES.1 {
+            if ours.mean_error <= wanted || samples >= most {
                 return ours;
             }
             // As many as the error asks for, were it to fall as 1/√n.
             let factor = (ours.mean_error / wanted).powi(2) * 1.2;
-            samples = ((samples as f64 * factor) as u64).clamp(samples * 2, SAMPLES.1).next_power_of_two();
+            samples = ((samples as f64 * factor) as u64).max(samples * 2).min(most);
         }
     }
 
