@@ -292,7 +292,7 @@ fn strategies_agree() {
         format!(
             r#"<scene version="3.0.0">{}<integrator type="direct"><integer name="emitter_samples" value="{light}"/>
             <integer name="bsdf_samples" value="{bsdf}"/></integrator>{FLOOR}
-            <shape type="sphere"><point name="center" value="0.5,0.6,0.2"/><float name="radius" value="0.4"/>{}</shape>
+            <shape type="sphere"><point name="center" value="-0.6,0.6,0.2"/><float name="radius" value="0.3"/>{}</shape>
             <emitter type="constant"><rgb name="radiance" value="0.7"/></emitter></scene>"#,
             sensor(ABOVE),
             grey(4.0)
