@@ -291,7 +291,7 @@ fn refusals_name_the_place_and_the_texel() {
     let mut d = Describe::new();
     assert_eq!(
         message(read(&mut d, "bitmp", vec![], Usage::Scalar)),
-        "scene.xml:1:1: there is no texture `bitmp`; did you mean `bitmap`?"
+        "scene.xml:1:1: unknown texture `bitmp`; did you mean `bitmap`?"
     );
     let mut constant = |value: Value, usage| {
         let owner = d.object(Category::Bsdf, "diffuse", vec![("reflectance", value)]);

@@ -22,7 +22,7 @@ const ROOMS: &[(&str, u32)] = &[
     ("camera", 3),
     ("accel", 3),
     ("scene", 4),
-    ("film", 4),
+    ("film", 3),
     ("integrator", 5),
     ("render", 6),
     ("load", 6),
@@ -36,6 +36,8 @@ const SAME_FLOOR: &[(&str, &str)] = &[("desc", "math")];
 
 /// Lines of a source file, its tests included.
 const MAX_LINES: usize = 700;
+/// The same for a file of tests: a list of cases is one idea however long.
+const MAX_TEST_LINES: usize = 900;
 /// Bytes of any file, and of all together.
 const MAX_FILE: u64 = 3_500_000;
 const MAX_TOTAL: u64 = 60_000_000;
@@ -274,7 +276,10 @@ fn import_rule_catches_each_kind_of_break() {
 fn sources_are_short() {
     let long: Vec<String> = sources()
         .iter()
-        .filter(|(_, source)| source.lines().count() > MAX_LINES)
+        .filter(|(path, source)| {
+            let in_tests = path.components().any(|c| c.as_os_str() == "tests");
+            source.lines().count() > if in_tests { MAX_TEST_LINES } else { MAX_LINES }
+        })
         .map(|(path, source)| format!("{}: {} lines", path.display(), source.lines().count()))
         .collect();
     assert!(long.is_empty(), "over {MAX_LINES} lines:\n{}", long.join("\n"));
