@@ -32,8 +32,9 @@ const BATCHES: u64 = 16;
 const WANTED: (f64, f64) = (2e-4, 6e-4);
 /// Samples per pixel and batch: first try and most.
 const SAMPLES: (u64, u64) = (16, 4096);
-/// Most samples in all batches unless the long run is asked for.
-const BUDGET: u64 = 30_000_000;
+/// Most samples in all batches unless the long run is asked for: where the
+/// reference itself can decide, and where its own noise leaves little hope.
+const BUDGET: (u64, u64) = (240_000_000, 30_000_000);
 
 /// True when `ETENDUE_REFERENCE_LONG` asks for as many samples as it takes.
 pub fn long_run() -> bool {
@@ -95,7 +96,8 @@ impl Reference {
     pub fn batches(&self, mut picture: impl FnMut(u64, u64) -> Vec<f32>) -> Ours {
         let wanted = self.mean_error().clamp(WANTED.0, WANTED.1);
         let pixels = (self.width * self.height) as u64;
-        let most = if long_run() { SAMPLES.1 } else { SAMPLES.1.min(BUDGET / (BATCHES * pixels)) };
+        let budget = if self.mean_error() < WANTED.1 { BUDGET.0 } else { BUDGET.1 };
+        let most = if long_run() { SAMPLES.1 } else { SAMPLES.1.min(budget / (BATCHES * pixels)) };
         let mut samples = SAMPLES.0;
         loop {
             let batches: Vec<Vec<f32>> = (0..BATCHES).map(|seed| picture(samples, 1000 + seed)).collect();
