@@ -91,7 +91,8 @@ pub struct RenderArgs {
     /// Layers beside R, G, B, A and error: any of albedo, N, P, Z; or none, which also drops error.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub aov: Vec<Aov>,
-    /// Write R, G, B, A as 16-bit floats; too large values saturate, with a warning.
+    /// Write R, G, B, A as 16-bit floats, as a film with `component_format` `float16` does;
+    /// too large values saturate, with a warning.
     #[arg(long)]
     pub half: bool,
     /// Statistics as JSON.

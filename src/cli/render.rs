@@ -48,7 +48,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     progress.finish();
     let header = header(&scene, &integrator, &stats, args.seed, hash);
     let picture = film.resolve();
-    output.write(args, &picture, &header)?;
+    output.write(args, &picture, &header, args.half || scene.film.half)?;
     if let Some(path) = &args.stats {
         let text = format!("{:#}\n", stats.to_json(&scene.plan, load, build));
         save::write_file(path, text.as_bytes())?;
@@ -91,12 +91,12 @@ impl Output {
         Ok(Output { exr, png })
     }
 
-    fn write(&self, args: &RenderArgs, picture: &Picture, header: &Header) -> Result<()> {
+    fn write(&self, args: &RenderArgs, picture: &Picture, header: &Header, half: bool) -> Result<()> {
         if let Some(path) = &self.exr {
-            let saturated = save::write_exr(path, picture, header, Options { half: args.half })?;
+            let saturated = save::write_exr(path, picture, header, Options { half })?;
             if saturated > 0 {
                 eprintln!(
-                    "warning: {saturated} values over 65504 were saturated by --half; write 32-bit floats to keep them"
+                    "warning: {saturated} values over 65504 were saturated to half floats; write 32-bit floats to keep them"
                 );
             }
             say(args, path);
