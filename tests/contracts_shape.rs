@@ -32,7 +32,7 @@ fn table_mesh(full: bool) -> Mesh {
 
 fn table_geometry(kind: &str, to_world: &Transform, flip: bool, face_normals: bool) -> Geometry {
     let mut b = GeometryBuilder::new();
-    let options = MeshOptions { flip_normals: flip, face_normals, keep_uvs: true };
+    let options = MeshOptions { flip_normals: flip, face_normals, ..MeshOptions::default() };
     let (p0, p1) = (DVec3::new(0.1, 0.2, 0.1), DVec3::new(0.3, 0.1, 0.9));
     match kind {
         "sphere" => b.add_sphere(DVec3::ZERO, 1.0, to_world, flip),

@@ -160,6 +160,25 @@ impl Bsdf<'_> {
         }
     }
 
+    /// True when [`Bsdf::sample`] reads its `u_lobe`.
+    #[must_use]
+    pub fn chooses(&self) -> bool {
+        match self {
+            Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::RoughDielectric(_)
+            | Bsdf::Plastic(_)
+            | Bsdf::RoughPlastic(_) => true,
+            Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::RoughConductor(_) | Bsdf::Null(_) => false,
+        }
+    }
+
+    /// True when [`Bsdf::sample`] reads its `u`.
+    #[must_use]
+    pub fn spreads(&self) -> bool {
+        !matches!(self, Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::Conductor(_) | Bsdf::Null(_))
+    }
+
     /// True when only the side of the shading normal scatters; the other is
     /// black.
     #[must_use]

@@ -87,11 +87,11 @@ impl Film {
         let (window, stored) = (self.spec().window(), self.spec().stored());
         let height = stored.height();
         let (top, left) = ((window.min.1 - stored.min.1) as usize, (window.min.0 - stored.min.0) as usize);
-        let mut rows: VecDeque<Vec<Noise>> = VecDeque::new();
+        let mut rows: VecDeque<Row> = VecDeque::new();
         let (mut first, mut next) = (0, 0);
         for y in 0..height {
             while next < height.min(y + REACH + 1) {
-                rows.push_back(self.pixels_of_row(next).iter().map(Noise::of).collect());
+                rows.push_back(Row::new(self.pixels_of_row(next).iter().map(Noise::of).collect()));
                 next += 1;
             }
             if first + REACH < y {
@@ -103,19 +103,17 @@ impl Film {
             }
             let own = &rows[y - first];
             let columns = left..left + window.width();
-            let means: Vec<_> = own[columns.clone()].iter().map(|p| p.mean).collect();
+            let means: Vec<_> = own.pixels[columns.clone()].iter().map(|p| p.mean).collect();
             let estimates: Vec<_> = columns
                 .map(|x| {
-                    let weight = own[x].weight;
                     let at = (x, y - first);
-                    let variance = if weight > 0.0 {
-                        pooled(&rows, at).map(|c| c.map(|c| c / weight)).or_else(|| spread(&rows, at))
-                    } else {
-                        None
-                    };
+                    let pool = pooled(&rows, at);
+                    let weight = own.pixels[x].weight;
+                    let known = || pool.c().map(|c| c.map(|c| c / weight)).or_else(|| spread(&rows, at));
+                    let variance = if weight > 0.0 { known() } else { None };
                     Estimate {
                         variance: variance.unwrap_or([f64::INFINITY; 3]),
-                        square: pooled_square(&rows, at),
+                        square: pool.square / pool.all,
                     }
                 })
                 .collect();
@@ -124,50 +122,79 @@ impl Film {
     }
 }
 
-/// The pixels at most `reach` columns and rows away, with their distances
-/// shifted to start at 0.
-fn neighbours(
-    rows: &VecDeque<Vec<Noise>>,
-    (x, y): (usize, usize),
-    reach: usize,
-) -> impl Iterator<Item = (usize, usize, &Noise)> {
-    let last = (y + reach).min(rows.len() - 1);
-    (y.saturating_sub(reach)..=last).flat_map(move |j| {
-        let row = &rows[j];
-        let last = (x + reach).min(row.len() - 1);
-        (x.saturating_sub(reach)..=last).map(move |i| (i + reach - x, j + reach - y, &row[i]))
-    })
+/// A row of pixels, and what each has pooled along the row.
+struct Row {
+    pixels: Vec<Noise>,
+    pools: Vec<Pool>,
 }
 
-/// c averaged over the neighbours that have it.
-fn pooled(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> Option<[f64; 3]> {
-    let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for (i, j, pixel) in neighbours(rows, at, REACH) {
-        if let Some(c) = pixel.c {
-            let g = BINOMIAL[i] * BINOMIAL[j];
-            total += g;
-            for (sum, c) in sum.iter_mut().zip(c) {
-                *sum += g * c;
-            }
+/// Sums over neighbours with binomial weights.
+#[derive(Clone, Copy, Default)]
+struct Pool {
+    /// Of c, where there is one, and of its weights.
+    c: [f64; 3],
+    known: f64,
+    /// Of the square of the mean of R, G and B, and of its weights.
+    square: f64,
+    all: f64,
+}
+
+impl Pool {
+    fn of(pixel: &Noise) -> Pool {
+        let square = (pixel.mean.iter().sum::<f64>() / 3.0).powi(2);
+        Pool {
+            c: pixel.c.unwrap_or_default(),
+            known: f64::from(u8::from(pixel.c.is_some())),
+            square,
+            all: 1.0,
         }
     }
-    (total > 0.0).then(|| sum.map(|s| s / total))
+
+    fn add(&mut self, weight: f64, other: &Pool) {
+        for (sum, c) in self.c.iter_mut().zip(other.c) {
+            *sum += weight * c;
+        }
+        self.known += weight * other.known;
+        self.square += weight * other.square;
+        self.all += weight * other.all;
+    }
+
+    /// c averaged over the neighbours that have it.
+    fn c(&self) -> Option<[f64; 3]> {
+        (self.known > 0.0).then(|| self.c.map(|c| c / self.known))
+    }
 }
 
-/// The square of the mean of R, G, B, averaged over the same neighbours.
-fn pooled_square(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> f64 {
-    let (mut sum, mut total) = (0.0, 0.0);
-    for (i, j, pixel) in neighbours(rows, at, REACH) {
-        let g = BINOMIAL[i] * BINOMIAL[j];
-        total += g;
-        sum += g * (pixel.mean.iter().sum::<f64>() / 3.0).powi(2);
+impl Row {
+    fn new(pixels: Vec<Noise>) -> Row {
+        let own: Vec<Pool> = pixels.iter().map(Pool::of).collect();
+        let pools = (0..own.len()).map(|x| weighted(own.len(), x, |i| &own[i])).collect();
+        Row { pixels, pools }
     }
-    sum / total
+}
+
+/// The weighted sum of the pools at most [`REACH`] from `at`, of `count`.
+fn weighted<'a>(count: usize, at: usize, pool: impl Fn(usize) -> &'a Pool) -> Pool {
+    let mut sum = Pool::default();
+    for i in at.saturating_sub(REACH)..count.min(at + REACH + 1) {
+        sum.add(BINOMIAL[i + REACH - at], pool(i));
+    }
+    sum
+}
+
+/// What a pixel and its neighbours in both directions have pooled.
+fn pooled(rows: &VecDeque<Row>, (x, y): (usize, usize)) -> Pool {
+    weighted(rows.len(), y, |j| &rows[j].pools[x])
 }
 
 /// The sample variance of the means of the nearest neighbours.
-fn spread(rows: &VecDeque<Vec<Noise>>, at: (usize, usize)) -> Option<[f64; 3]> {
-    let near = || neighbours(rows, at, 1).map(|(_, _, p)| p).filter(|p| p.weight > 0.0);
+fn spread(rows: &VecDeque<Row>, (x, y): (usize, usize)) -> Option<[f64; 3]> {
+    let near = || {
+        let rows = rows.range(y.saturating_sub(1)..rows.len().min(y + 2));
+        let columns = x.saturating_sub(1)..;
+        let pixels = rows.flat_map(move |r| &r.pixels[columns.start..r.pixels.len().min(x + 2)]);
+        pixels.filter(|p| p.weight > 0.0)
+    };
     let count = near().count();
     if count < 2 {
         return None;

@@ -150,7 +150,7 @@ impl Filter {
             Filter::Tent { radius } => 1.0 - x / radius,
             Filter::Gaussian { stddev } => {
                 let z = x / stddev;
-                ((-0.5 * z * z).exp() - (-8.0f64).exp()).max(0.0)
+                ((-0.5 * z * z).exp() - GAUSSIAN_END).max(0.0)
             }
             Filter::Mitchell { b, c } => cubic(x, b, c),
             Filter::CatmullRom => cubic(x, 0.0, 0.5),
@@ -181,17 +181,45 @@ impl Filter {
             return Taps { first: 0, weights: &[1.0] };
         }
         let place = f64::from(offset) - 0.5;
-        let first = (place - self.radius()).ceil();
-        let last = (place + self.radius()).floor();
+        let (first, last) = (-floor(self.radius() - place), floor(place + self.radius()));
         // None for a filter narrower than a pixel, between two centres.
-        let count = ((last - first + 1.0).max(0.0) as usize).min(MAX_TAPS);
+        let count = ((last - first + 1).max(0) as usize).min(MAX_TAPS);
         let weights = &mut scratch[..count];
-        for (i, weight) in weights.iter_mut().enumerate() {
-            *weight = self.eval(first + i as f64 - place);
+        let start = f64::from(first) - place;
+        if let Filter::Gaussian { stddev } = *self {
+            gaussian_row(start, stddev, weights);
+        } else {
+            for (i, weight) in weights.iter_mut().enumerate() {
+                *weight = self.eval(start + i as f64);
+            }
         }
-        Taps { first: first as i32, weights }
+        Taps { first, weights }
     }
 }
+
+/// ⌊x⌋ for |x| < 64, without the library call of targets older than SSE4.1.
+#[inline]
+fn floor(x: f64) -> i32 {
+    (x + 64.0) as i32 - 64
+}
+
+/// A Gaussian at `start`, `start` + 1, …: each is the one before times a ratio
+/// that itself falls by exp(−1/σ²).
+#[inline]
+fn gaussian_row(start: f64, stddev: f64, weights: &mut [f64]) {
+    let inverse = 1.0 / (stddev * stddev);
+    let mut value = (-0.5 * start * start * inverse).exp();
+    let mut ratio = (-(start + 0.5) * inverse).exp();
+    let fall = (-inverse).exp();
+    for weight in weights {
+        *weight = (value - GAUSSIAN_END).max(0.0);
+        value *= ratio;
+        ratio *= fall;
+    }
+}
+
+/// exp(−8): what a Gaussian has left at four standard deviations.
+const GAUSSIAN_END: f64 = 3.354_626_279_025_118_5e-4;
 
 /// Weights of consecutive pixels along one axis.
 pub(super) struct Taps<'a> {
@@ -222,6 +250,29 @@ fn sinc(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A row of weights is the filter at the pixels' distances, and all of it.
+    #[test]
+    fn rows_are_the_filter() {
+        assert_eq!(GAUSSIAN_END, (-8.0f64).exp());
+        for filter in Filter::examples() {
+            for offset in [0.0f32, 0.1, 0.25, 0.5, 0.75, 0.999_999] {
+                let mut scratch = [0.0; MAX_TAPS];
+                let taps = filter.taps(offset, &mut scratch);
+                let place = f64::from(offset) - 0.5;
+                for k in -20..=20i32 {
+                    let found = usize::try_from(k - taps.first).ok().and_then(|i| taps.weights.get(i));
+                    let expected = if filter == Filter::Box {
+                        f64::from(u8::from(k == 0))
+                    } else {
+                        filter.eval(f64::from(k) - place)
+                    };
+                    let difference = found.copied().unwrap_or(0.0) - expected;
+                    assert!(difference.abs() < 1e-14, "{filter:?} at {offset}, pixel {k}: {difference}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn known_values() {

@@ -108,10 +108,10 @@ impl Layout {
         Layout { stride, alpha, albedo, normal, position }
     }
 
-    /// The values of a sample beyond the two halves, in order; positions are
-    /// held to ± `limit`.
-    pub fn extras(&self, sample: &PixelSample, limit: f32) -> ([f64; MAX_STRIDE], usize) {
-        let mut out = [0.0; MAX_STRIDE];
+    /// Writes the values of a sample beyond the two halves, in order, and gives
+    /// their number; positions are held to ± `limit`.
+    #[inline]
+    pub fn extras(&self, sample: &PixelSample, limit: f32, out: &mut [f64; MAX_STRIDE]) -> usize {
         let mut put = |at: Option<usize>, values: &[f32]| {
             if let Some(at) = at {
                 for (k, v) in values.iter().enumerate() {
@@ -123,6 +123,6 @@ impl Layout {
         put(self.albedo, &sample.albedo.to_array());
         put(self.normal, &sample.normal.to_array());
         put(self.position, &sample.position.clamp(Vec3::splat(-limit), Vec3::splat(limit)).to_array());
-        (out, self.stride - 2 * PER_HALF)
+        self.stride - 2 * PER_HALF
     }
 }

@@ -1,7 +1,7 @@
 //! The sums of one pass over one tile.
 
 use super::filter::{Filter, MAX_TAPS, Taps};
-use super::layers::{Layout, PER_HALF, PixelSample};
+use super::layers::{Layout, MAX_STRIDE, PER_HALF, PixelSample};
 use super::rect::Rect;
 use crate::math::Vec2;
 use crate::sampling::half_of;
@@ -23,6 +23,8 @@ pub struct Tile {
     pub(super) overflow: u64,
     /// Room for the weights of one sample along x and y.
     scratch: [[f64; MAX_TAPS]; 2],
+    /// Room for what a sample adds beyond the two halves.
+    extras: [f64; MAX_STRIDE],
 }
 
 /// Largest values a sample may have, so that sums stay in range.
@@ -53,6 +55,7 @@ impl Tile {
             depth: Vec::new(),
             overflow: 0,
             scratch: [[0.0; MAX_TAPS]; 2],
+            extras: [0.0; MAX_STRIDE],
         };
         tile.reset(rect);
         tile
@@ -106,14 +109,15 @@ impl Tile {
         let Some((x0, wx)) = clip(&columns, pixel.0, self.area.min.0, self.area.max.0) else { return };
         let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return };
         let half = half_of(index) * PER_HALF;
-        let rgb = sample.rgb.as_dvec3();
-        let (extras, count) = self.layout.extras(sample, self.limits.position);
+        let [r, g, b] = sample.rgb.as_dvec3().to_array();
+        let count = self.layout.extras(sample, self.limits.position, &mut self.extras);
+        let (values, extras) = ([1.0, r, g, b], &self.extras[..count]);
         let stride = self.layout.stride;
         for (row, wy) in wy.iter().enumerate() {
             let first = self.area.index((x0, y0 + row as i32)) * stride;
             let cells = self.sums[first..first + wx.len() * stride].chunks_exact_mut(stride);
             for (cell, wx) in cells.zip(wx) {
-                splat(cell, wx * wy, half, rgb.to_array(), &extras[..count]);
+                splat(cell, wx * wy, half, &values, extras);
             }
         }
     }
@@ -121,12 +125,10 @@ impl Tile {
 
 /// Adds weighted values to the sums of one pixel.
 #[inline(always)]
-fn splat(cell: &mut [f64], weight: f64, half: usize, rgb: [f64; 3], extras: &[f64]) {
-    let sums = &mut cell[half..half + PER_HALF];
-    sums[0] += weight;
-    sums[1] += weight * rgb[0];
-    sums[2] += weight * rgb[1];
-    sums[3] += weight * rgb[2];
+fn splat(cell: &mut [f64], weight: f64, half: usize, values: &[f64; PER_HALF], extras: &[f64]) {
+    for (sum, value) in cell[half..half + PER_HALF].iter_mut().zip(values) {
+        *sum += weight * value;
+    }
     for (sum, value) in cell[2 * PER_HALF..].iter_mut().zip(extras) {
         *sum += weight * value;
     }

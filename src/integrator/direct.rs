@@ -86,7 +86,7 @@ impl Direct {
         i: u32,
         record: &mut R,
     ) -> Rgb {
-        let (lobe, u): (f32, Vec2) = camera.scatter(i);
+        let (lobe, u): (f32, Vec2) = camera.scatter(&hit.scatter, i);
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else { return Rgb::ZERO };
         let ray = hit.surface.spawn(sample.wi, 0.0);
         record.counters().scatter_rays += 1;

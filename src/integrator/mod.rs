@@ -18,6 +18,7 @@ pub use record::{Counters, Event, NoRecord, Record, Vertex};
 pub use whitted::Whitted;
 
 use crate::film::PixelSample;
+use crate::material::Scatter;
 use crate::math::{Ray, Vec2};
 use crate::sampling::Sampler;
 use crate::scene::Scene;
@@ -155,10 +156,16 @@ impl CameraSample {
         (choice, u)
     }
 
-    /// Which lobe and which direction.
-    fn scatter(&self, bounce: u32) -> (f32, Vec2) {
-        let lobe = self.sampler.get_1d(dimension::at(bounce, dimension::LOBE));
-        (lobe, self.sampler.get_2d(dimension::at(bounce, dimension::DIRECTION)))
+    /// Which lobe and which direction, as far as the bsdf asks for them.
+    fn scatter(&self, scatter: &Scatter, bounce: u32) -> (f32, Vec2) {
+        let lobe =
+            if scatter.chooses() { self.sampler.get_1d(dimension::at(bounce, dimension::LOBE)) } else { 0.0 };
+        let direction = if scatter.spreads() {
+            self.sampler.get_2d(dimension::at(bounce, dimension::DIRECTION))
+        } else {
+            Vec2::ZERO
+        };
+        (lobe, direction)
     }
 
     /// Russian roulette.

@@ -186,7 +186,7 @@ impl Path {
         state: &mut State,
         record: &mut R,
     ) -> Option<bool> {
-        let (lobe, u) = camera.scatter(state.bounce);
+        let (lobe, u) = camera.scatter(&hit.scatter, state.bounce);
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else {
             record.event(|| Event::Absorbed);
             return None;

@@ -36,6 +36,22 @@ pub enum Material {
     Perturbed(Perturbation, Box<Material>),
 }
 
+/// The side of a two-sided material that the path came from, and the frame
+/// turned to that side.
+#[inline]
+fn sided<'a>(
+    front: &'a [Material; 1],
+    back: Option<&'a Material>,
+    point: &Point,
+    frame: Frame,
+) -> (&'a Material, Frame) {
+    if frame.n.dot(point.wo) >= 0.0 {
+        (&front[0], frame)
+    } else {
+        (back.unwrap_or(&front[0]), frame.flipped())
+    }
+}
+
 /// What a material needs to know of the point it is evaluated at.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
@@ -56,7 +72,16 @@ pub struct Point {
 impl Material {
     /// The bsdfs of this material at a point.
     #[must_use]
+    #[inline]
     pub fn at(&self, point: &Point) -> Scatter<'_> {
+        // Most materials are one surface, perhaps on both sides.
+        let (side, frame) = match self {
+            Material::TwoSided(front, back) => sided(front, back.as_deref(), point, point.frame),
+            other => (other, point.frame),
+        };
+        if let Material::Surface(surface) = side {
+            return Scatter::one(Lobe::new(1.0, frame, surface.at(point.uv)));
+        }
         let mut scatter = Scatter::default();
         self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), &mut scatter);
         scatter
@@ -68,12 +93,8 @@ impl Material {
         match self {
             Material::Surface(surface) => out.push(Lobe { bsdf: surface.at(point.uv), ..outer }),
             Material::TwoSided(front, back) => {
-                if outer.frame.n.dot(point.wo) >= 0.0 {
-                    front[0].collect(point, outer, out);
-                } else {
-                    let side = back.as_deref().unwrap_or(&front[0]);
-                    side.collect(point, Lobe { frame: outer.frame.flipped(), ..outer }, out);
-                }
+                let (side, frame) = sided(front, back.as_deref(), point, outer.frame);
+                side.collect(point, Lobe { frame, ..outer }, out);
             }
             Material::Mask(opacity, inner) => {
                 let opacity = opacity.eval_scalar(point.uv).clamp(0.0, 1.0);

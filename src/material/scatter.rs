@@ -78,6 +78,13 @@ impl<'a> Lobe<'a> {
 }
 
 impl<'a> Scatter<'a> {
+    /// A single lobe.
+    #[must_use]
+    #[inline]
+    pub fn one(lobe: Lobe<'a>) -> Scatter<'a> {
+        Scatter { lobes: SmallVec::from_buf([lobe]) }
+    }
+
     /// Adds a lobe.
     pub fn push(&mut self, lobe: Lobe<'a>) {
         self.lobes.push(lobe);
@@ -93,6 +100,23 @@ impl<'a> Scatter<'a> {
     #[must_use]
     pub fn has_smooth(&self) -> bool {
         self.lobes.iter().any(|l| !l.bsdf.is_delta_only())
+    }
+
+    /// True when [`Scatter::sample`] reads its `u_lobe`.
+    #[must_use]
+    #[inline]
+    pub fn chooses(&self) -> bool {
+        match self.lobes.as_slice() {
+            [lobe] => lobe.bsdf.chooses(),
+            _ => true,
+        }
+    }
+
+    /// True when [`Scatter::sample`] reads its `u`.
+    #[must_use]
+    #[inline]
+    pub fn spreads(&self) -> bool {
+        self.lobes.iter().any(|l| l.bsdf.spreads())
     }
 
     /// f·|cos θi| and the pdf per solid angle of `wi`, non-delta lobes only.

@@ -34,18 +34,18 @@ pub fn difference_of_products(a: f32, b: f32, c: f32, d: f32) -> f32 {
 /// Moves `p` out of its error box along the geometric normal `ng`, to the side
 /// that `dir` points to, and rounds outward (pbrt-v4 equation 6.30). `p_error`
 /// bounds the absolute error of each coordinate. Homogeneous in scale.
+///
+/// A sum q that was rounded is moved on by |q|·2⁻²³, between one and two of its
+/// units in the last place. Sums so small that this vanishes are exact.
 #[must_use]
+#[inline]
 pub fn offset_origin(p: Vec3, p_error: Vec3, ng: Vec3, dir: Vec3) -> Vec3 {
     let distance = ng.abs().dot(p_error);
-    let offset = if dir.dot(ng) < 0.0 { -ng * distance } else { ng * distance };
+    let offset = ng * if dir.dot(ng) < 0.0 { -distance } else { distance };
     let round = |x: f32, o: f32| {
-        if o > 0.0 {
-            next_up(x + o)
-        } else if o < 0.0 {
-            next_down(x + o)
-        } else {
-            x
-        }
+        let q = x + o;
+        let outward = q + (q.abs() * f32::EPSILON).copysign(o);
+        if o == 0.0 { x } else { outward }
     };
     Vec3::new(round(p.x, offset.x), round(p.y, offset.y), round(p.z, offset.z))
 }

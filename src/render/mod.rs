@@ -187,7 +187,7 @@ impl<'a> Job<'a> {
             }
             self.pass(next..next + count, error);
             next += count;
-            if next >= pass::MIN_SAMPLES_FOR_ERROR && pass::checks_error(next) {
+            if pass::checks_error(next, self.options.error.is_some()) {
                 error = Some(self.film.relative_error());
             }
             if next >= self.options.samples_per_pixel {

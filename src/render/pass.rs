@@ -17,9 +17,11 @@ pub fn size(next: u64) -> u64 {
 /// Fewer samples say nothing about the error.
 pub const MIN_SAMPLES_FOR_ERROR: u64 = 8;
 
-/// The error is estimated after these many samples: often at first, then every 16.
-pub fn checks_error(next: u64) -> bool {
-    next < 64 || next.is_multiple_of(16)
+/// The error is estimated after these many samples. For a limit to be met, at
+/// steps of at most an eighth; to be shown, at powers of two.
+pub fn checks_error(next: u64, limited: bool) -> bool {
+    let step = if limited { 1 << (next / 8).max(1).ilog2() } else { next.max(1).next_power_of_two() };
+    next >= MIN_SAMPLES_FOR_ERROR && next.is_multiple_of(step)
 }
 
 /// Sorts tiles into the order in which they are begun.
@@ -63,5 +65,14 @@ mod tests {
         }
         assert_eq!(ends, [1, 2, 4, 8, 16, 24, 32, 40]);
         assert_eq!(size(13), 3);
+    }
+
+    #[test]
+    fn the_error_is_estimated_ever_more_rarely() {
+        let at = |limited| (1..=512).filter(|n| checks_error(*n, limited)).collect::<Vec<_>>();
+        assert_eq!(at(false), [8, 16, 32, 64, 128, 256, 512]);
+        let steps = at(true);
+        assert_eq!(steps[..3], [8, 9, 10]);
+        assert!(steps.windows(2).all(|w| (w[1] - w[0]) * 8 <= w[0]), "{steps:?}");
     }
 }

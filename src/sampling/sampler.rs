@@ -17,7 +17,7 @@
 //! mean stays right; the convergence beyond 2^32 samples of one pixel falls
 //! back to that of independent sets, at an error far below that of f32.
 
-use super::sobol::{owen_reversed, sobol_01, sobol_23, unit_float_reversed};
+use super::sobol::{owen_reversed, sobol_01, sobol_23, unit_float_reversed, unit_floats_reversed};
 use crate::math::Vec2;
 
 /// The uniform numbers of one sample of one pixel. Copy, without state: asking
@@ -26,6 +26,8 @@ use crate::math::Vec2;
 pub struct Sampler {
     key: u64,
     index: u32,
+    /// The index with its bits in reverse order: what is shuffled.
+    reversed: u32,
 }
 
 /// Which kind of number a hash is for, so that `get_1d(d)`, `get_2d(d)` and
@@ -43,7 +45,8 @@ impl Sampler {
     pub fn new(seed: u64, pixel: (i32, i32), index: u64) -> Sampler {
         let place = (u64::from(pixel.0.cast_unsigned()) << 32) | u64::from(pixel.1.cast_unsigned());
         let key = mix(mix(mix(seed ^ 0x6a09_e667_f3bc_c908) ^ place).wrapping_add(index >> 32));
-        Sampler { key, index: index as u32 }
+        let index = index as u32;
+        Sampler { key, index, reversed: index.reverse_bits() }
     }
 
     /// The joint 4D set: place in the pixel and the first light sample, both
@@ -51,11 +54,7 @@ impl Sampler {
     #[must_use]
     pub fn pixel_and_light(&self) -> (Vec2, Vec2) {
         let (a, b) = self.seeds(Use::Joint, 0);
-        let ([x, y], [z, w]) = (sobol_01(self.index), sobol_23(self.index));
-        (
-            Vec2::new(scrambled(x, a as u32), scrambled(y, (a >> 32) as u32)),
-            Vec2::new(scrambled(z, b as u32), scrambled(w, (b >> 32) as u32)),
-        )
+        (scrambled_2d(sobol_01(self.index), a), scrambled_2d(sobol_23(self.index), b))
     }
 
     /// A number in [0, 1): stratified over the samples of the pixel,
@@ -63,8 +62,8 @@ impl Sampler {
     #[must_use]
     pub fn get_1d(&self, dimension: u32) -> f32 {
         let (a, b) = self.seeds(Use::OneD, dimension);
-        let index = owen_reversed(self.index.reverse_bits(), b as u32).reverse_bits();
-        scrambled(index, a as u32)
+        let index = owen_reversed(self.reversed, b as u32).reverse_bits();
+        unit_float_reversed(owen_reversed(index, a as u32))
     }
 
     /// A point in [0, 1)²: stratified over the samples of the pixel,
@@ -72,9 +71,8 @@ impl Sampler {
     #[must_use]
     pub fn get_2d(&self, dimension: u32) -> Vec2 {
         let (a, b) = self.seeds(Use::TwoD, dimension);
-        let index = owen_reversed(self.index.reverse_bits(), b as u32).reverse_bits();
-        let [x, y] = sobol_01(index);
-        Vec2::new(scrambled(x, a as u32), scrambled(y, (a >> 32) as u32))
+        let index = owen_reversed(self.reversed, b as u32).reverse_bits();
+        scrambled_2d(sobol_01(index), a)
     }
 
     /// 128 hashed bits for one use of one dimension.
@@ -97,8 +95,12 @@ pub fn half_of(index: u64) -> usize {
     ((u64::from((index & 0xa).count_ones()) ^ mix(index >> 4)) & 1) as usize
 }
 
-fn scrambled(reversed: u32, seed: u32) -> f32 {
-    unit_float_reversed(owen_reversed(reversed, seed))
+/// Two bit-reversed values, scrambled with the halves of the seed, as floats.
+fn scrambled_2d([x, y]: [u32; 2], seed: u64) -> Vec2 {
+    let x = owen_reversed(x, seed as u32);
+    let y = owen_reversed(y, (seed >> 32) as u32);
+    let [x, y] = unit_floats_reversed(x, y);
+    Vec2::new(x, y)
 }
 
 /// A bijective 64-bit hash: the output function of SplitMix64 (Steele et al.

@@ -122,6 +122,13 @@ pub(super) fn unit_float_reversed(x: u32) -> f32 {
     unit_float(x.reverse_bits())
 }
 
+/// Two of them at once: reversing 64 bits costs what reversing 32 does.
+#[must_use]
+pub(super) fn unit_floats_reversed(x: u32, y: u32) -> [f32; 2] {
+    let both = ((u64::from(y) << 32) | u64::from(x)).reverse_bits();
+    [unit_float((both >> 32) as u32), unit_float(both as u32)]
+}
+
 /// x / 2³² rounded down to 24 binary digits: in [0, 1), exact.
 #[must_use]
 pub(super) fn unit_float(x: u32) -> f32 {

@@ -202,6 +202,7 @@ impl Builder<'_> {
             flip_normals: flip,
             face_normals,
             keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
+            keep_tangents: material.needs_tangents(),
         };
         let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
         self.plan.shapes += 1;
@@ -315,6 +316,7 @@ impl Builder<'_> {
             environment,
             plan: self.plan,
             recentre: self.recentre,
+            tangents: self.materials.iter().map(|m| m.needs_tangents()).collect(),
             materials: self.materials,
             material_of_shape: self.material_of_shape,
             light_of_shape,

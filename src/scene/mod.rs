@@ -60,6 +60,8 @@ pub struct Scene {
     /// What was subtracted from all world positions.
     pub recentre: DVec3,
     materials: Vec<Arc<Material>>,
+    /// Which of them look at the direction of the tangent.
+    tangents: Vec<bool>,
     material_of_shape: Vec<u32>,
     light_of_shape: Vec<u32>,
 }
@@ -106,15 +108,15 @@ impl Scene {
     /// The material's lobes at a surface point.
     #[must_use]
     pub fn interact(&self, surface: SurfacePoint, wo: Vec3) -> Interaction<'_> {
-        let material = &self.materials[self.material_of_shape[surface.shape as usize] as usize];
-        let point = Point {
-            uv: surface.uv,
-            wo,
-            ng: surface.ng,
-            frame: Frame::from_normal_tangent(surface.ns, surface.dpdu),
-            dpdu: surface.dpdu,
-            dpdv: surface.dpdv,
+        let index = self.material_of_shape[surface.shape as usize] as usize;
+        let material = &self.materials[index];
+        let frame = if self.tangents[index] {
+            Frame::from_normal_tangent(surface.ns, surface.dpdu)
+        } else {
+            Frame::from_normal(surface.ns)
         };
+        let point =
+            Point { uv: surface.uv, wo, ng: surface.ng, frame, dpdu: surface.dpdu, dpdv: surface.dpdv };
         Interaction { scatter: material.at(&point), surface, wo }
     }
 

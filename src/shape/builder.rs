@@ -15,11 +15,13 @@ pub struct MeshOptions {
     pub face_normals: bool,
     /// Keep texture coordinates: something reads them.
     pub keep_uvs: bool,
+    /// Give ∂p/∂u and ∂p/∂v at hits; without, they are zero.
+    pub keep_tangents: bool,
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        MeshOptions { flip_normals: false, face_normals: false, keep_uvs: true }
+        MeshOptions { flip_normals: false, face_normals: false, keep_uvs: true, keep_tangents: true }
     }
 }
 
@@ -74,6 +76,7 @@ impl GeometryBuilder {
             prim_count: 0,
             kind: "mesh",
             flip: options.flip_normals,
+            tangents: options.keep_tangents,
             normals: None,
             uvs: None,
         };
@@ -157,6 +160,7 @@ impl GeometryBuilder {
             prim_count: 1,
             kind: analytic.name(),
             flip: false,
+            tangents: true,
             normals: None,
             uvs: None,
         });

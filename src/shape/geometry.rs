@@ -15,6 +15,8 @@ pub struct ShapeInfo {
     pub kind: &'static str,
     /// The normals of a mesh are turned round.
     pub(crate) flip: bool,
+    /// Somebody wants ∂p/∂u and ∂p/∂v of a mesh.
+    pub(crate) tangents: bool,
     /// Normals and texture coordinates of a mesh: index into the arrays for
     /// its vertex 0, minus the index of that vertex.
     pub(crate) normals: Option<i64>,
@@ -202,40 +204,33 @@ impl Geometry {
         let [a, b, c] = indices.map(|i| self.positions[i as usize].as_dvec3());
         let (b1, b2) = (f64::from(hit.u), f64::from(hit.v));
         let b0 = 1.0 - b1 - b2;
-        let weights = [b0, b1, b2];
         let (e1, e2) = (b - a, c - a);
-        let winding = e1.cross(e2).normalize();
+        let winding = e1.cross(e2).normalize().as_vec3();
 
         // Position and its error, pbrt-v4 equation 6.21.
-        let p = a * b0 + b * b1 + c * b2;
-        let size = (a * b0).abs() + (b * b1).abs() + (c * b2).abs();
+        let terms = [a * b0, b * b1, c * b2];
+        let p = terms[0] + terms[1] + terms[2];
+        let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
 
         // Texture coordinates, and tangents that follow them.
-        let (mut uv, mut dpdu, mut dpdv) = (Vec2::new(hit.u, hit.v), e1, e2);
-        if let Some(base) = info.uvs {
-            let [u0, u1, u2] = indices.map(|i| self.uvs[(i64::from(i) + base) as usize].as_dvec2());
-            uv = (u0 * b0 + u1 * b1 + u2 * b2).as_vec2();
-            let (d1, d2) = (u1 - u0, u2 - u0);
-            let det = d1.perp_dot(d2);
-            if det == 0.0 {
-                let frame = Frame::from_normal(winding.as_vec3());
-                (dpdu, dpdv) = (frame.s.as_dvec3(), frame.t.as_dvec3());
-            } else {
-                dpdu = (e1 * d2.y - e2 * d1.y) / det;
-                dpdv = (e2 * d1.x - e1 * d2.x) / det;
-            }
+        let weights = [b0 as f32, hit.u, hit.v];
+        let mut uv = Vec2::new(hit.u, hit.v);
+        let corners = info.uvs.map(|base| indices.map(|i| self.uvs[(i64::from(i) + base) as usize]));
+        if let Some([u0, u1, u2]) = corners {
+            uv = u0 * weights[0] + u1 * weights[1] + u2 * weights[2];
         }
+        let [dpdu, dpdv] = if info.tangents { tangents([e1, e2], corners, winding) } else { [Vec3::ZERO; 2] };
 
-        let sign = super::linear::flip_sign(info.flip);
         let ns = self.vertex_normal(info, indices, weights).unwrap_or(winding);
+        let sign = if info.flip { -1.0 } else { 1.0 };
         SurfacePoint {
             p: p.as_vec3(),
             p_error: size.as_vec3() * gamma(7),
-            ng: (winding * sign).as_vec3(),
-            ns: (ns * sign).as_vec3(),
+            ng: winding * sign,
+            ns: ns * sign,
             uv,
-            dpdu: dpdu.as_vec3(),
-            dpdv: dpdv.as_vec3(),
+            dpdu,
+            dpdv,
             prim: hit.prim,
             shape,
             planar: true,
@@ -243,12 +238,24 @@ impl Geometry {
     }
 
     /// Unit interpolated normal; `None` when the mesh has none or they cancel.
-    fn vertex_normal(&self, info: &ShapeInfo, indices: [u32; 3], weights: [f64; 3]) -> Option<DVec3> {
+    fn vertex_normal(&self, info: &ShapeInfo, indices: [u32; 3], weights: [f32; 3]) -> Option<Vec3> {
         let base = info.normals?;
-        let mut n = DVec3::ZERO;
-        for (i, weight) in indices.into_iter().zip(weights) {
-            n += self.normals[(i64::from(i) + base) as usize].as_dvec3() * weight;
-        }
-        n.try_normalize()
+        let [a, b, c] = indices.map(|i| self.normals[(i64::from(i) + base) as usize]);
+        (a * weights[0] + b * weights[1] + c * weights[2]).try_normalize()
     }
+}
+
+/// ∂p/∂u and ∂p/∂v of a triangle with these edges: along the texture
+/// coordinates of its corners, if there are any; across the normal where those
+/// coincide.
+fn tangents([e1, e2]: [DVec3; 2], corners: Option<[Vec2; 3]>, normal: Vec3) -> [Vec3; 2] {
+    let Some(corners) = corners else { return [e1.as_vec3(), e2.as_vec3()] };
+    let [u0, u1, u2] = corners.map(|c| c.as_dvec2());
+    let (d1, d2) = (u1 - u0, u2 - u0);
+    let det = d1.perp_dot(d2);
+    if det == 0.0 {
+        let frame = Frame::from_normal(normal);
+        return [frame.s, frame.t];
+    }
+    [(e1 * d2.y - e2 * d1.y) / det, (e2 * d1.x - e1 * d2.x) / det].map(|d| d.as_vec3())
 }
