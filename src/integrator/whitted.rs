@@ -92,7 +92,7 @@ impl Whitted {
         if light.is_environment() {
             return Rgb::ZERO; // the ambient term stands for it
         }
-        let Some(sample) = scene.sample_one_light(index, &hit.surface, Vec2::splat(0.5)) else {
+        let Some(sample) = scene.sample_one_light(index, hit, Vec2::splat(0.5)) else {
             return Rgb::ZERO;
         };
         let (f, _) = hit.scatter.eval_pdf(hit.wo, sample.wi);

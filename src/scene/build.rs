@@ -276,7 +276,7 @@ impl Builder<'_> {
         let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
         // An environment alone has no size to go by.
         let radius = Some(f64::from(accel.bounds().bounding_sphere().1)).filter(|r| *r > 0.0).unwrap_or(1.0);
-        let (mut lights, mut power) = (Vec::new(), Vec::new());
+        let mut lights = Vec::new();
         for pending in std::mem::take(&mut self.pending) {
             let (light, shape) = match pending {
                 Pending::Ready(light) => (light, None),
@@ -288,8 +288,7 @@ impl Builder<'_> {
                     (Light::Area(AreaLight { sampler, emission }), Some(shape))
                 }
             };
-            let watts = light.power(radius);
-            if watts <= 0.0 {
+            if light.power(radius) <= 0.0 {
                 self.plan.black_lights += 1;
                 continue;
             }
@@ -297,10 +296,10 @@ impl Builder<'_> {
                 light_of_shape[shape as usize] = lights.len() as u32;
             }
             lights.push(light);
-            power.push(watts);
         }
-        let weights: Vec<f64> = lights.iter().map(|l| f64::from(l.weight())).collect();
-        let selection = LightSelection::new(&power, &weights);
+        let selection = LightSelection::new(&lights, &geometry, radius);
+        self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
+        let two_sided = self.materials.iter().map(|m| m.needs_both_sides()).collect();
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());
         self.material_of_shape.resize(geometry.shapes().len(), 0);
@@ -318,6 +317,7 @@ impl Builder<'_> {
             materials: self.materials,
             material_of_shape: self.material_of_shape,
             light_of_shape,
+            two_sided,
         })
     }
 
