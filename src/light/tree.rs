@@ -13,11 +13,13 @@
 //! the bounds do not know (something in between, a texture, a glossy bsdf) can
 //! then cost at most a factor of about 8/ε per level.
 //!
-//! A node has eight children in columns, so that one loop over eight lanes
-//! evaluates them all. [`LightTree::sample`] and [`LightTree::pmf`] go down the
+//! A node has eight children in columns of four, which glam's SIMD vectors
+//! evaluate at once. [`LightTree::sample`] and [`LightTree::pmf`] go down the
 //! same path with the same arithmetic: their probabilities are equal bit for
 //! bit. Lengths are in units of the tree (a power of two of the scene's), so no
 //! square over- or underflows.
+
+use glam::Vec4;
 
 use super::tree_build::Builder;
 use super::{Emitter, Receiver};
@@ -29,26 +31,31 @@ pub(super) const WIDTH: usize = 8;
 /// A child that is a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 
-/// Eight children in columns. Empty ones have no power.
+/// Eight children. Empty ones have no power.
 #[derive(Clone, Debug, Default)]
-#[repr(C, align(32))]
 pub(super) struct Node {
-    pub x: [f32; WIDTH],
-    pub y: [f32; WIDTH],
-    pub z: [f32; WIDTH],
-    /// Square of the radius.
-    pub radius2: [f32; WIDTH],
-    pub axis_x: [f32; WIDTH],
-    pub axis_y: [f32; WIDTH],
-    pub axis_z: [f32; WIDTH],
-    /// Of the spread of normals.
-    pub cos_spread: [f32; WIDTH],
-    pub sin_spread: [f32; WIDTH],
-    /// Of the angle to a normal at which emission ends.
-    pub cos_falloff: [f32; WIDTH],
-    pub power: [f32; WIDTH],
+    pub halves: [Half; 2],
     /// A node, or [`LEAF`] and a leaf.
     pub child: [u32; WIDTH],
+}
+
+/// Four children in columns.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Half {
+    pub x: Vec4,
+    pub y: Vec4,
+    pub z: Vec4,
+    /// Square of the radius.
+    pub radius2: Vec4,
+    pub axis_x: Vec4,
+    pub axis_y: Vec4,
+    pub axis_z: Vec4,
+    /// Of the spread of normals.
+    pub cos_spread: Vec4,
+    pub sin_spread: Vec4,
+    /// Of the angle to a normal at which emission ends.
+    pub cos_falloff: Vec4,
+    pub power: Vec4,
 }
 
 /// One emitter in the tree.
@@ -108,17 +115,8 @@ impl LightTree {
         let (mut node, mut pmf, mut u) = (0, 1.0, u);
         loop {
             let chances = self.nodes[node].chances(&query)?;
-            let mut below = 0.0;
-            let mut chosen = None;
-            for (slot, chance) in chances.iter().enumerate().filter(|(_, c)| **c > 0.0) {
-                let chance = f64::from(*chance);
-                chosen = Some((slot, below, chance));
-                if u < below + chance {
-                    break;
-                }
-                below += chance;
-            }
-            let (slot, below, chance) = chosen?;
+            let (slot, below) = choose(&chances, u);
+            let chance = f64::from(chances[slot]);
             pmf *= chance;
             u = ((u - below) / chance).clamp(0.0, 1.0 - f64::EPSILON);
             let child = self.nodes[node].child[slot];
@@ -178,76 +176,101 @@ impl LightTree {
     }
 }
 
+/// The child that `u` falls on, and the sum of the chances before it. Never
+/// one without a chance.
+fn choose(chances: &[f32; WIDTH], u: f64) -> (usize, f64) {
+    let mut ends = [0.0; WIDTH];
+    let mut sum = 0.0;
+    for (end, chance) in ends.iter_mut().zip(chances) {
+        sum += f64::from(*chance);
+        *end = sum;
+    }
+    let mut slot = ends.iter().filter(|end| **end <= u).count();
+    if slot >= WIDTH {
+        // Rounding left a gap at the end.
+        slot = chances.iter().rposition(|c| *c > 0.0).unwrap_or(0);
+    }
+    (slot, if slot == 0 { 0.0 } else { ends[slot - 1] })
+}
+
 impl Node {
     /// Share of the chances that all children with importance have equally.
     const FLOOR: f32 = 1.0 / 16.0;
 
     /// Probability of each child; `None` when none has importance.
     fn chances(&self, query: &Query) -> Option<[f32; WIDTH]> {
-        let mut chances = self.importance(query);
-        let (mut sum, mut count) = (0.0, 0.0);
-        for i in chances {
-            sum += i;
-            count += if i > 0.0 { 1.0 } else { 0.0 };
-        }
-        if !(sum > 0.0) {
+        let [a, b] = [self.halves[0].importance(query), self.halves[1].importance(query)];
+        let (on_a, on_b) = (a.cmpgt(Vec4::ZERO), b.cmpgt(Vec4::ZERO));
+        let count = (on_a.bitmask() | on_b.bitmask() << 4).count_ones();
+        if count == 0 {
             return None;
         }
-        let scale = (1.0 - Node::FLOOR) / sum;
-        let floor = Node::FLOOR / count;
-        for i in &mut chances {
-            *i = if *i > 0.0 { *i * scale + floor } else { 0.0 };
-        }
-        Some(chances)
-    }
-
-    /// Importance of each child: eight lanes of plain arithmetic without a
-    /// branch, which compiles to vector instructions.
-    fn importance(&self, query: &Query) -> [f32; WIDTH] {
-        // Nothing is nearer than this: no division by zero at a point light.
-        const NEAREST2: f32 = 1e-24;
-        let least = |a: f32, b: f32| if a < b { a } else { b };
-        let most = |a: f32, b: f32| if a > b { a } else { b };
-        let sine = |cos: f32| most(1.0 - cos * cos, 0.0).sqrt();
-        // cos max(0, a − b).
-        let cos_difference = |cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32| {
-            if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
-        };
-        let sin_difference = |cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32| {
-            if cos_a > cos_b { 0.0 } else { sin_a * cos_b - cos_a * sin_b }
-        };
-        let (p, n) = (query.p, query.n);
-        let always = if query.two_sided { 1.0 } else { 0.0 };
+        let scale = Vec4::splat((1.0 - Node::FLOOR) / (a + b).element_sum());
+        let floor = Vec4::splat(Node::FLOOR / count as f32);
         let mut out = [0.0; WIDTH];
-        for i in 0..WIDTH {
-            // From the light to the receiver.
-            let (x, y, z) = (p.x - self.x[i], p.y - self.y[i], p.z - self.z[i]);
-            let d2 = x * x + y * y + z * z;
-            let inverse2 = 1.0 / most(d2, NEAREST2);
-            let inverse = inverse2.sqrt();
+        Vec4::select(on_a, a * scale + floor, Vec4::ZERO).write_to_slice(&mut out[..4]);
+        Vec4::select(on_b, b * scale + floor, Vec4::ZERO).write_to_slice(&mut out[4..]);
+        Some(out)
+    }
+}
 
-            // The angle that the sphere fills, all of it from inside.
-            let inside = d2 <= self.radius2[i];
-            let sin2 = self.radius2[i] * inverse2;
-            let sin_b = least(sin2, 1.0).sqrt();
-            let cos_b = if inside { -1.0 } else { most(1.0 - sin2, 0.0).sqrt() };
+/// √ of each component.
+#[inline(always)]
+fn sqrt(a: Vec4) -> Vec4 {
+    Vec4::new(a.x.sqrt(), a.y.sqrt(), a.z.sqrt(), a.w.sqrt())
+}
 
-            // Emission: from the axis to the receiver, less spread and size.
-            let cos_w = (self.axis_x[i] * x + self.axis_y[i] * y + self.axis_z[i] * z) * inverse;
-            let sin_w = sine(cos_w);
-            let (cos_o, sin_o) = (self.cos_spread[i], self.sin_spread[i]);
-            let cos_x = cos_difference(cos_w, sin_w, cos_o, sin_o);
-            let sin_x = sin_difference(cos_w, sin_w, cos_o, sin_o);
-            let cos_e = cos_difference(cos_x, sin_x, cos_b, sin_b);
-            let emitted = if cos_e > self.cos_falloff[i] { cos_e } else { 0.0 };
+/// The sine of an angle in [0, π] of that cosine.
+#[inline(always)]
+fn sine(cos: Vec4) -> Vec4 {
+    sqrt((Vec4::ONE - cos * cos).max(Vec4::ZERO))
+}
 
-            // Reception: from the receiver's normal to the light, less size.
-            let cos_i = -(n.x * x + n.y * y + n.z * z) * inverse;
-            let cos_r = cos_difference(cos_i, sine(cos_i), cos_b, sin_b);
-            let received = most(most(cos_r, 0.0), always);
+/// Cosine of max(0, a − b) from the cosines and sines of both.
+#[inline(always)]
+fn cos_difference((cos_a, sin_a): (Vec4, Vec4), (cos_b, sin_b): (Vec4, Vec4)) -> Vec4 {
+    Vec4::select(cos_a.cmpgt(cos_b), Vec4::ONE, cos_a * cos_b + sin_a * sin_b)
+}
 
-            out[i] = self.power[i] * emitted * received / most(most(d2, self.radius2[i]), NEAREST2);
+/// The sine of the same.
+#[inline(always)]
+fn sin_difference((cos_a, sin_a): (Vec4, Vec4), (cos_b, sin_b): (Vec4, Vec4)) -> Vec4 {
+    Vec4::select(cos_a.cmpgt(cos_b), Vec4::ZERO, sin_a * cos_b - cos_a * sin_b)
+}
+
+impl Half {
+    /// Plain arithmetic without a branch.
+    #[inline(always)]
+    fn importance(&self, query: &Query) -> Vec4 {
+        // Nothing is nearer than this: no division by zero at a point light.
+        const NEAREST2: Vec4 = Vec4::splat(1e-24);
+        let (p, n) = (query.p, query.n);
+        // From the light to the receiver.
+        let (x, y, z) = (Vec4::splat(p.x) - self.x, Vec4::splat(p.y) - self.y, Vec4::splat(p.z) - self.z);
+        let d2 = x * x + y * y + z * z;
+        let inverse2 = Vec4::ONE / d2.max(NEAREST2);
+        let inverse = sqrt(inverse2);
+
+        // The angle that the sphere fills, all of it from inside.
+        let sin2 = self.radius2 * inverse2;
+        let cos_outside = sqrt((Vec4::ONE - sin2).max(Vec4::ZERO));
+        let cos_size = Vec4::select(d2.cmple(self.radius2), Vec4::NEG_ONE, cos_outside);
+        let size = (cos_size, sqrt(sin2.min(Vec4::ONE)));
+
+        // Emission: from the axis to the receiver, less spread and size.
+        let cos_axis = (self.axis_x * x + self.axis_y * y + self.axis_z * z) * inverse;
+        let (axis, spread) = ((cos_axis, sine(cos_axis)), (self.cos_spread, self.sin_spread));
+        let normal = (cos_difference(axis, spread), sin_difference(axis, spread));
+        let cos_emitted = cos_difference(normal, size);
+        let emitted = Vec4::select(cos_emitted.cmpgt(self.cos_falloff), cos_emitted, Vec4::ZERO);
+        let distance2 = d2.max(self.radius2).max(NEAREST2);
+        let importance = self.power * emitted / distance2;
+        if query.two_sided {
+            return importance;
         }
-        out
+
+        // Reception: from the receiver's normal to the light, less size.
+        let cos_normal = (x * -n.x + y * -n.y + z * -n.z) * inverse;
+        importance * cos_difference((cos_normal, sine(cos_normal)), size).max(Vec4::ZERO)
     }
 }

@@ -244,13 +244,13 @@ impl<'a> Builder<'a> {
             .min(std::f32::consts::PI);
         let falloff = extents().map(|e| e.falloff).fold(0.0, f32::max);
         let p = (centre - self.origin) * self.unit;
-        let node = &mut self.nodes[node];
-        (node.x[slot], node.y[slot], node.z[slot]) = (p.x, p.y, p.z);
-        node.radius2[slot] = radius * radius;
-        (node.axis_x[slot], node.axis_y[slot], node.axis_z[slot]) = (axis.x, axis.y, axis.z);
-        (node.sin_spread[slot], node.cos_spread[slot]) = spread.sin_cos();
-        node.cos_falloff[slot] = falloff.cos().max(0.0);
-        node.power[slot] = sum.power;
+        let (half, slot) = (&mut self.nodes[node].halves[slot / 4], slot % 4);
+        (half.x[slot], half.y[slot], half.z[slot]) = (p.x, p.y, p.z);
+        half.radius2[slot] = radius * radius;
+        (half.axis_x[slot], half.axis_y[slot], half.axis_z[slot]) = (axis.x, axis.y, axis.z);
+        (half.sin_spread[slot], half.cos_spread[slot]) = spread.sin_cos();
+        half.cos_falloff[slot] = falloff.cos().max(0.0);
+        half.power[slot] = sum.power;
     }
 }
 

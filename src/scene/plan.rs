@@ -61,7 +61,11 @@ impl Plan {
     #[must_use]
     pub fn dimensions(&self) -> (u32, u32) {
         let before = 2 + if self.lens { 2 } else { 0 };
-        let light = if self.smooth_surfaces && self.lights > 0 { 2 + u32::from(self.lights > 1 || self.light_tree.is_some()) } else { 0 };
+        let light = if self.smooth_surfaces && self.lights > 0 {
+            2 + u32::from(self.lights > 1 || self.light_tree.is_some())
+        } else {
+            0
+        };
         (before, light + 3 + 1)
     }
 

@@ -48,10 +48,8 @@ impl LightSelection {
         let power: Vec<f64> = lights.iter().map(|l| l.power(scene_radius)).collect();
         let weight: Vec<f64> = lights.iter().map(|l| f64::from(l.weight())).collect();
         let chosen = |light: &usize| weight[*light] > 0.0;
-        let emitters: Vec<Emitter> = (0..lights.len())
-            .filter(chosen)
-            .flat_map(|i| lights[i].emitters(geometry, i as u32))
-            .collect();
+        let emitters: Vec<Emitter> =
+            (0..lights.len()).filter(chosen).flat_map(|i| lights[i].emitters(geometry, i as u32)).collect();
         if emitters.len() <= FEW {
             return LightSelection::by_power(&power, &weight);
         }

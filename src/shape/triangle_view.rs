@@ -51,7 +51,8 @@ impl TriangleView {
         let [a, b, c] = units;
         let volume = a.dot(b.cross(c)).abs();
         let solid_angle = 2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
-        let usable = solid_angle > TriangleView::MIN_SOLID_ANGLE && solid_angle < TriangleView::MAX_SOLID_ANGLE;
+        let usable =
+            solid_angle > TriangleView::MIN_SOLID_ANGLE && solid_angle < TriangleView::MAX_SOLID_ANGLE;
         usable.then_some(Spherical { corners, units, solid_angle })
     }
 
@@ -100,7 +101,7 @@ impl Spherical {
         let s1 = direction.cross(e2);
         let det = s1.dot(e1);
         let s2 = e1.cross(a);
-        let (b1, b2) = (-a.dot(s1) / det, -direction.dot(s2) / det);
+        let (b1, b2) = (-a.dot(s1) / det, direction.dot(s2) / det);
         // NaN counts as 0.
         let (b1, b2) = (b1.max(0.0), b2.max(0.0));
         let excess = (b1 + b2).max(1.0);

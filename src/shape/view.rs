@@ -211,9 +211,8 @@ impl RectView {
         let largest = x0.abs().max(x1.abs()).max(y0.abs().max(y1.abs())).max(-z0);
         let unit = 1.0 / largest;
         let (x0, x1, y0, y1, z0) = (x0 * unit, x1 * unit, y0 * unit, y1 * unit, z0 * unit);
-        let corner = |x: f64, y: f64, sign: f64| {
-            DVec2::new(x * y * sign, -z0 * (x * x + y * y + z0 * z0).sqrt())
-        };
+        let corner =
+            |x: f64, y: f64, sign: f64| DVec2::new(x * y * sign, -z0 * (x * x + y * y + z0 * z0).sqrt());
         let k = times(corner(x0, y1, 1.0), corner(x0, y0, -1.0));
         let all = times(times(corner(x1, y0, 1.0), corner(x1, y1, -1.0)), k);
         let angle = all.y.atan2(all.x);
@@ -234,7 +233,8 @@ impl RectView {
     /// are to be uniform in area.
     pub(crate) fn sample(&self, rectangle: &Rectangle, u: Vec2) -> Option<AnalyticPoint> {
         let s = self.spherical?;
-        let (b0, b1) = (-s.y0 / (s.y0 * s.y0 + s.z0 * s.z0).sqrt(), s.y1 / (s.y1 * s.y1 + s.z0 * s.z0).sqrt());
+        let (b0, b1) =
+            (-s.y0 / (s.y0 * s.y0 + s.z0 * s.z0).sqrt(), s.y1 / (s.y1 * s.y1 + s.z0 * s.z0).sqrt());
         let (sin, cos) = (f64::from(u.x) * s.solid_angle).sin_cos();
         let au = times(DVec2::new(cos, sin), s.k);
         let fu = (au.x * b0 - au.length() * b1) / au.y;
