@@ -15,7 +15,7 @@ use std::f64::consts::{PI, TAU};
 
 use describe::{Describe, float, look_at, string, transform, vector};
 use etendue::desc::{Category, Error, Mesh, Pixels, Value};
-use etendue::light::{AreaLight, Light, Target, area_emission_from_desc, emitter_from_desc};
+use etendue::light::{AreaLight, Light, Receiver, Target, area_emission_from_desc, emitter_from_desc};
 use etendue::math::{DMat4, DVec3, Ray, Rgb, Transform, Vec2, Vec3};
 use etendue::shape::{Geometry, GeometryBuilder, MeshOptions, ShapeSampler, SurfacePoint};
 use rand::{RngExt, SeedableRng};
@@ -117,7 +117,7 @@ fn environments_sample_what_they_say() {
         let mut counts = vec![0u32; grid.rows * grid.columns];
         let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
         for _ in 0..n {
-            let s = light.sample(&geometry, Vec3::ZERO, draw(&mut rng)).expect(name);
+            let s = light.sample(&geometry, &Receiver::free(Vec3::ZERO), draw(&mut rng)).expect(name);
             assert!((s.wi.length() - 1.0).abs() < 1e-6 && !s.delta && matches!(s.target, Target::Infinite));
             assert_eq!(s.pdf, light.pdf_environment(s.wi), "{name}: one density");
             assert_eq!(s.radiance, light.environment(s.wi), "{name}: one radiance");
@@ -159,7 +159,7 @@ fn density_is_positive_where_there_is_light() {
             bright += usize::from(pdf > 0.0);
         }
         for u in [[0.0, 0.0], [0.0, 0.999_999_94], [0.999_999_94, 0.0], [0.999_999_94, 0.999_999_94]] {
-            if let Some(s) = light.sample(&empty(), Vec3::ZERO, Vec2::from(u)) {
+            if let Some(s) = light.sample(&empty(), &Receiver::free(Vec3::ZERO), Vec2::from(u)) {
                 assert!(s.wi.is_finite() && s.pdf > 0.0 && s.pdf.is_finite(), "{name} {u:?}");
             }
         }
@@ -185,7 +185,7 @@ fn a_grey_map_has_no_variance() {
     let integral = light.power(1.0 / PI.sqrt());
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     for _ in 0..1000 {
-        let s = light.sample(&empty(), Vec3::ZERO, draw(&mut rng)).unwrap();
+        let s = light.sample(&empty(), &Receiver::free(Vec3::ZERO), draw(&mut rng)).unwrap();
         let weight = f64::from(s.radiance.x) / f64::from(s.pdf);
         assert!((weight / integral - 1.0).abs() < 1e-5, "{weight} not {integral}");
     }
@@ -218,7 +218,7 @@ fn irradiance_of_a_sun_in_a_uniform_sky() {
     let mut rng = Pcg64Mcg::seed_from_u64(11);
     let (count, mut sum, mut squares) = (100_000, 0.0, 0.0);
     for _ in 0..count {
-        let s = light.sample(&empty(), Vec3::ZERO, draw(&mut rng)).unwrap();
+        let s = light.sample(&empty(), &Receiver::free(Vec3::ZERO), draw(&mut rng)).unwrap();
         let cos = s.wi.as_dvec3().dot(n).max(0.0);
         let e = f64::from(s.radiance.x) * cos / f64::from(s.pdf);
         sum += e;
@@ -292,7 +292,7 @@ type DeltaRow = ([f32; 3], [f32; 3], [f32; 3]);
 fn check_delta(name: &str, light: &Light, rows: &[DeltaRow]) {
     assert!(light.is_delta() && !light.is_environment());
     for (p, wi, radiance) in rows {
-        let found = light.sample(&empty(), Vec3::from(*p), Vec2::splat(0.5));
+        let found = light.sample(&empty(), &Receiver::free(Vec3::from(*p)), Vec2::splat(0.5));
         if *radiance == [0.0; 3] {
             assert!(found.is_none(), "{name} {p:?}");
             continue;
@@ -397,9 +397,12 @@ fn point_irradiance_at_every_scale() {
     for h in [1e-18, 1e-3, 1.0, 1e3, 1e6, 1e18] {
         let params = vec![("position", vector(0.0, 0.0, h)), ("intensity", Value::Rgb([h * h; 3]))];
         let light = read("point", params).unwrap();
-        let s = light.sample(&empty(), Vec3::ZERO, Vec2::ZERO).unwrap();
+        let s = light.sample(&empty(), &Receiver::free(Vec3::ZERO), Vec2::ZERO).unwrap();
         assert!((s.radiance.x - 1.0).abs() < 1e-6 && s.wi == Vec3::Z, "height {h}: {}", s.radiance);
-        assert!(light.sample(&empty(), Vec3::new(0.0, 0.0, h as f32), Vec2::ZERO).is_none(), "on the light");
+        assert!(
+            light.sample(&empty(), &Receiver::free(Vec3::new(0.0, 0.0, h as f32)), Vec2::ZERO).is_none(),
+            "on the light"
+        );
     }
 }
 
@@ -417,7 +420,9 @@ fn flux_of_local_lights_is_their_power() {
         let flux: DVec3 = grid
             .integrate(|d| {
                 let p = (centre + d.as_dvec3()).as_vec3();
-                light.sample(&empty(), p, Vec2::ZERO).map_or(DVec3::ZERO, |s| s.radiance.as_dvec3())
+                light
+                    .sample(&empty(), &Receiver::free(p), Vec2::ZERO)
+                    .map_or(DVec3::ZERO, |s| s.radiance.as_dvec3())
             })
             .into_iter()
             .sum();
@@ -437,7 +442,7 @@ fn recentring_is_done_in_double_precision() {
     let spot = d.object(Category::Emitter, "spot", vec![("to_world", transform(to_world))]);
     for id in [point, spot] {
         let light = emitter_from_desc(&d.scene, id, far).unwrap();
-        let s = light.sample(&empty(), Vec3::from(POINTS[1]), Vec2::ZERO).unwrap();
+        let s = light.sample(&empty(), &Receiver::free(Vec3::from(POINTS[1])), Vec2::ZERO).unwrap();
         assert!((s.wi - Vec3::from(TOWARDS[1])).length() < 2e-6, "{}", s.wi);
         assert!((s.radiance.x - 0.2347418).abs() < 1e-6);
         assert!(matches!(s.target, Target::Point(p) if (p - Vec3::new(1.0, 2.0, 3.0)).length() < 1e-6));
@@ -562,7 +567,7 @@ fn area_lights_agree_with_rays_that_hit_them() {
         let (n, mut sum, mut squares) = (40_000, DVec3::ZERO, DVec3::ZERO);
         let (mut compared, mut differ) = (0, 0);
         for _ in 0..n {
-            let Some(s) = light.sample(geometry, *p, draw(&mut rng)) else { continue };
+            let Some(s) = light.sample(geometry, &Receiver::free(*p), draw(&mut rng)) else { continue };
             let Target::Surface(target) = s.target else { panic!("{name}") };
             let Some(hit) = closest(geometry, &Ray::new(*p, s.wi)) else { continue };
             let off = (hit.p - target.p).length();
@@ -604,7 +609,7 @@ fn irradiance_under_flat_lights() {
         let (n, mut sum, mut squares) = (60_000, 0.0, 0.0);
         for _ in 0..n {
             let e = light
-                .sample(&geometry, p, draw(&mut rng))
+                .sample(&geometry, &Receiver::free(p), draw(&mut rng))
                 .map_or(0.0, |s| f64::from(s.radiance.x) * f64::from(s.wi.z) / f64::from(s.pdf));
             sum += e;
             squares += e * e;
@@ -627,7 +632,7 @@ fn black_lights_say_so() {
     ];
     for light in &black {
         assert_eq!(light.power(1.0), 0.0, "{light:?}");
-        assert!(light.sample(&empty(), Vec3::ONE, Vec2::splat(0.3)).is_none(), "{light:?}");
+        assert!(light.sample(&empty(), &Receiver::free(Vec3::ONE), Vec2::splat(0.3)).is_none(), "{light:?}");
         assert_eq!((light.pdf_environment(Vec3::X), light.environment(Vec3::X)), (0.0, Rgb::ZERO));
     }
     let light = read("point", vec![("sampling_weight", float(2.5))]).unwrap();

@@ -15,7 +15,7 @@ mod render;
 use etendue::desc::{Category, SceneDesc, Value};
 use etendue::film::{Film, LayerSet, PixelSample};
 use etendue::integrator::{CameraSample, Integrator};
-use etendue::light::Target;
+use etendue::light::{Receiver, Target};
 use etendue::math::Rgb;
 use etendue::sampling::power_heuristic;
 use etendue::scene::Scene;
@@ -40,8 +40,8 @@ enum Bug {
 fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> PixelSample {
     let mut out = PixelSample::default();
     let (mut beta, mut ray) = (Rgb::ONE, camera.ray);
-    // (position, pdf) of the last sampled direction; None for the camera and deltas.
-    let mut last: Option<(etendue::math::Vec3, f32)> = None;
+    // (receiver, pdf) of the last sampled direction; None for the camera and deltas.
+    let mut last: Option<(Receiver, f32)> = None;
     for depth in 1..=max_depth {
         let Some(hit) = scene.closest(&ray) else {
             let pdf = scene.environment_pdf(ray.dir);
@@ -53,7 +53,8 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
         let le = scene.emitted(&surface, -ray.dir);
         if le != Rgb::ZERO {
             let mis = last.map_or(1.0, |(p, pdf)| {
-                let light = scene.light_pdf(p, &surface, ray.dir, (surface.p - p).length_squared());
+                let distance_squared = (surface.p - p.p).length_squared();
+                let light = scene.light_pdf(&p, &surface, ray.dir, distance_squared);
                 power_heuristic(pdf, light)
             });
             out.rgb += beta * le * if bug == Bug::NoMis { 1.0 } else { mis };
@@ -61,10 +62,10 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
         if depth == max_depth {
             break;
         }
-        let hit = scene.interact(surface, -ray.dir);
+        let hit = scene.interact(&surface, -ray.dir);
         let dimension = 100 + depth * 8;
         let u = camera.sampler;
-        if let Some(light) = scene.sample_light(&hit.surface, u.get_1d(dimension), u.get_2d(dimension + 1)) {
+        if let Some(light) = scene.sample_light(&hit, u.get_1d(dimension), u.get_2d(dimension + 1)) {
             let (mut f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
             if bug == Bug::MissingCosine {
                 f /= hit.surface.ns.dot(light.sample.wi).abs().max(1e-4);
@@ -88,7 +89,7 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
         if bug == Bug::OnePerCent && depth == 1 {
             beta *= 1.01;
         }
-        last = (!sample.delta).then_some((hit.surface.p, sample.pdf));
+        last = (!sample.delta).then_some((hit.receiver(), sample.pdf));
         ray = hit.surface.spawn(sample.wi, 0.0);
     }
     out

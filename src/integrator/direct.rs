@@ -37,7 +37,7 @@ impl Direct {
         out.alpha = 1.0;
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
-        let hit = scene.interact(surface, -ray.dir);
+        let hit = scene.interact(&surface, -ray.dir);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);
@@ -59,7 +59,7 @@ impl Direct {
     ) -> Rgb {
         // Further samples use the sets of later vertices, which have no other use here.
         let (choice, u) = camera.light(scene, i);
-        let Some(light) = scene.sample_light(&hit.surface, choice, u) else { return Rgb::ZERO };
+        let Some(light) = scene.sample_light(hit, choice, u) else { return Rgb::ZERO };
         let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
         let n = self.emitter_samples as f32;
         let mis = if light.sample.delta {
@@ -72,7 +72,7 @@ impl Direct {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(&hit.surface, &light.sample));
+        let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
         let contribution = if occluded { Rgb::ZERO } else { contribution };
         record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
         contribution
@@ -95,7 +95,7 @@ impl Direct {
             Some(next) => {
                 let surface = scene.surface(&ray, &next);
                 let distance_squared = (surface.p - hit.surface.p).length_squared();
-                let pdf = scene.light_pdf(hit.surface.p, &surface, ray.dir, distance_squared);
+                let pdf = scene.light_pdf(&hit.receiver(), &surface, ray.dir, distance_squared);
                 (scene.emitted(&surface, -ray.dir), pdf)
             }
         };

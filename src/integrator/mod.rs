@@ -189,7 +189,7 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
     if !camera.layers {
         return;
     }
-    let hit = scene.interact(*surface, -camera.ray.dir);
+    let hit = scene.interact(surface, -camera.ray.dir);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);

@@ -12,7 +12,8 @@
 
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
-use crate::math::{Ray, Rgb, Vec3};
+use crate::light::Receiver;
+use crate::math::{Ray, Rgb};
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
 use crate::shape::SurfacePoint;
@@ -30,7 +31,7 @@ pub struct Path {
 
 /// How the last direction was sampled: what MIS needs to know.
 struct Last {
-    p: Vec3,
+    receiver: Receiver,
     pdf: f32,
     delta: bool,
 }
@@ -57,7 +58,7 @@ impl Path {
             beta: Rgb::ONE,
             eta: 1.0,
             bounce: 0,
-            last: Last { p: camera.ray.origin, pdf: 1.0, delta: true },
+            last: Last { receiver: Receiver::free(camera.ray.origin), pdf: 1.0, delta: true },
         };
         if scene.environment.is_some() && !self.hide_emitters {
             out.alpha = 1.0;
@@ -85,7 +86,7 @@ impl Path {
                 }
                 return out;
             }
-            let hit = scene.interact(surface, -state.ray.dir);
+            let hit = scene.interact(&surface, -state.ray.dir);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(camera, &hit, &mut state, record) {
                 Some(null) => {
@@ -139,8 +140,9 @@ impl Path {
         let mis = if state.last.delta {
             1.0
         } else {
-            let distance_squared = (surface.p - state.last.p).length_squared();
-            let pdf = scene.light_pdf(state.last.p, surface, state.ray.dir, distance_squared);
+            let receiver = &state.last.receiver;
+            let distance_squared = (surface.p - receiver.p).length_squared();
+            let pdf = scene.light_pdf(receiver, surface, state.ray.dir, distance_squared);
             power_heuristic(state.last.pdf, pdf)
         };
         record.event(|| Event::Hit { le, mis });
@@ -160,7 +162,7 @@ impl Path {
             return Rgb::ZERO;
         }
         let (choice, u) = camera.light(scene, state.bounce);
-        let Some(light) = scene.sample_light(&hit.surface, choice, u) else { return Rgb::ZERO };
+        let Some(light) = scene.sample_light(hit, choice, u) else { return Rgb::ZERO };
         let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
         if f == Rgb::ZERO {
             return Rgb::ZERO;
@@ -171,7 +173,7 @@ impl Path {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(&hit.surface, &light.sample));
+        let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
         let contribution = if occluded { Rgb::ZERO } else { contribution };
         record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
         contribution
@@ -200,7 +202,7 @@ impl Path {
         state.beta *= sample.weight;
         state.eta *= sample.eta;
         state.ray = hit.surface.spawn(sample.wi, state.ray.time);
-        state.last = Last { p: hit.surface.p, pdf: sample.pdf, delta: sample.delta };
+        state.last = Last { receiver: hit.receiver(), pdf: sample.pdf, delta: sample.delta };
         state.bounce += 1;
         Some(sample.null)
     }

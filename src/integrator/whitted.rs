@@ -76,7 +76,7 @@ impl Whitted {
         if bounce + 1 >= self.max_depth {
             return radiance;
         }
-        let hit = scene.interact(*surface, -ray.dir);
+        let hit = scene.interact(surface, -ray.dir);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
             for index in 0..scene.lights.len() {
@@ -92,7 +92,7 @@ impl Whitted {
         if light.is_environment() {
             return Rgb::ZERO; // the ambient term stands for it
         }
-        let Some(sample) = scene.sample_one_light(index, &hit.surface, Vec2::splat(0.5)) else {
+        let Some(sample) = scene.sample_one_light(index, hit, Vec2::splat(0.5)) else {
             return Rgb::ZERO;
         };
         let (f, _) = hit.scatter.eval_pdf(hit.wo, sample.wi);
@@ -101,7 +101,7 @@ impl Whitted {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(&hit.surface, &sample));
+        let occluded = scene.occluded(&shadow_ray(hit.surface, &sample));
         let contribution = if occluded { Rgb::ZERO } else { contribution };
         record.event(|| Event::Light { wi: sample.wi, pdf: sample.pdf, f, mis: 1.0, contribution, occluded });
         contribution

@@ -1,8 +1,8 @@
 //! A shape that glows.
 
-use super::{LightSample, Target, grey};
+use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::shape::{Geometry, ShapeSampler, SurfacePoint};
+use crate::shape::{Geometry, PrimId, ShapeSampler, SurfacePoint};
 use crate::texture::Texture;
 
 /// What an `area` emitter says about itself.
@@ -47,8 +47,23 @@ impl AreaLight {
         self.sampler.pdf(geometry, ref_p, point, wi, dist2)
     }
 
-    pub(super) fn sample(&self, geometry: &Geometry, ref_p: Vec3, u: Vec2) -> Option<LightSample> {
-        let chosen = self.sampler.sample(geometry, ref_p, u)?;
+    /// A point of the light, or of one primitive of it. Nothing where all of it
+    /// lies below the receiver's horizon, or the receiver behind it.
+    pub(super) fn sample(
+        &self,
+        geometry: &Geometry,
+        receiver: &Receiver,
+        prim: Option<PrimId>,
+        u: Vec2,
+    ) -> Option<LightSample> {
+        let normal = (!receiver.two_sided).then_some(receiver.n);
+        if self.sampler.is_hidden(receiver.p, normal) {
+            return None;
+        }
+        let chosen = match prim {
+            None => self.sampler.sample(geometry, receiver.p, u),
+            Some(prim) => self.sampler.sample_prim(geometry, prim, receiver.p, u),
+        }?;
         let radiance = self.front(chosen.n, -chosen.wi, chosen.uv);
         Some(LightSample {
             wi: chosen.wi,

@@ -15,21 +15,28 @@ mod directional;
 mod envmap;
 mod envmap_table;
 mod examples;
+mod extent;
 mod parse;
 mod point;
+mod receiver;
 mod spot;
+mod tree;
+mod tree_build;
 
 pub use area::{AreaEmission, AreaLight};
 pub use constant::Constant;
 pub use directional::Directional;
 pub use envmap::EnvMap;
+pub use extent::{Emitter, Extent};
 pub use parse::{area_emission_from_desc, emitter_from_desc};
 pub use point::Point;
+pub use receiver::Receiver;
 pub use spot::Spot;
+pub use tree::{LightTree, TreeSample};
 
 use crate::desc::kinds;
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::shape::{Geometry, ShapeSample};
+use crate::shape::{Geometry, PrimId, ShapeSample};
 
 kinds! {
     /// A light.
@@ -81,15 +88,27 @@ pub enum Target {
 }
 
 impl Light {
-    /// A direction from `ref_p` towards the light, chosen by `u` in \[0, 1)²;
-    /// `None` where the light sends nothing to `ref_p` or its density is not a
-    /// positive number.
+    /// A direction from the receiver towards the light, chosen by `u` in
+    /// \[0, 1)²; `None` where the light sends nothing to it or its density is
+    /// not a positive number.
     #[must_use]
-    pub fn sample(&self, geometry: &Geometry, ref_p: Vec3, u: Vec2) -> Option<LightSample> {
+    pub fn sample(&self, geometry: &Geometry, receiver: &Receiver, u: Vec2) -> Option<LightSample> {
+        self.sample_part(geometry, receiver, None, u)
+    }
+
+    /// The same of one primitive of an area light only, if one is given.
+    #[must_use]
+    pub fn sample_part(
+        &self,
+        geometry: &Geometry,
+        receiver: &Receiver,
+        prim: Option<PrimId>,
+        u: Vec2,
+    ) -> Option<LightSample> {
         let sample = match self {
-            Light::Area(l) => l.sample(geometry, ref_p, u),
-            Light::Point(l) => l.sample(ref_p),
-            Light::Spot(l) => l.sample(ref_p),
+            Light::Area(l) => l.sample(geometry, receiver, prim, u),
+            Light::Point(l) => l.sample(receiver.p),
+            Light::Spot(l) => l.sample(receiver.p),
             Light::Directional(l) => l.sample(),
             Light::Constant(l) => l.sample(u),
             Light::EnvMap(l) => l.sample(u),
@@ -127,6 +146,12 @@ impl Light {
     #[must_use]
     pub fn is_environment(&self) -> bool {
         matches!(self, Light::Constant(_) | Light::EnvMap(_))
+    }
+
+    /// True for lights that shine everywhere alike, from infinitely far away.
+    #[must_use]
+    pub fn is_infinite(&self) -> bool {
+        self.is_environment() || matches!(self, Light::Directional(_))
     }
 
     /// True for lights that only [`Light::sample`] can find.

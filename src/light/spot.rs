@@ -99,6 +99,17 @@ impl Spot {
         grey(self.intensity * mean) * self.cone.integral()
     }
 
+    /// Its axis in the world and the angles (radians) at which it starts to
+    /// fall and ends; `None` when the transform is no similarity, so that its
+    /// cone is not round.
+    pub(super) fn cone(&self) -> Option<(Vec3, f32, f32)> {
+        let square = self.to_local * self.to_local.transpose();
+        let round = (square * (1.0 / square.x_axis.x) - Mat3::IDENTITY).to_cols_array();
+        let axis = (self.to_local.transpose() * Vec3::Z).try_normalize()?;
+        let similar = round.iter().all(|x| x.abs() < 1e-5);
+        similar.then_some((axis, self.cone.beam as f32, self.cone.cutoff as f32))
+    }
+
     pub(super) fn memory_bytes(&self) -> usize {
         self.texture.as_ref().map_or(0, Texture::memory_bytes)
     }

@@ -190,6 +190,13 @@ impl Material {
         })
     }
 
+    /// True when light from below the shading normal may count: some lobe
+    /// transmits, or a map perturbs the normal.
+    #[must_use]
+    pub fn needs_both_sides(&self) -> bool {
+        self.transmits() || self.any(|m| matches!(m, Material::Perturbed(..)))
+    }
+
     /// Most lobes that one hit can have.
     #[must_use]
     pub fn lobe_count(&self) -> usize {

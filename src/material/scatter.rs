@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, BsdfSample};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
 
 /// One bsdf in its frame.
@@ -44,6 +44,23 @@ pub struct ScatterSample {
     pub null: bool,
     /// η of the transmitted over the incident side; 1 for reflection.
     pub eta: f32,
+}
+
+impl ScatterSample {
+    /// A lobe's sample with what the whole material makes of it; `None` when
+    /// that carries nothing.
+    #[inline]
+    fn checked(sample: &BsdfSample, wi: Vec3, weight: Rgb, pdf: f32) -> Option<ScatterSample> {
+        let BsdfSample { delta, null, eta, .. } = *sample;
+        (weight.max_element() > 0.0 && weight.is_finite()).then_some(ScatterSample {
+            wi,
+            weight,
+            pdf,
+            delta,
+            null,
+            eta,
+        })
+    }
 }
 
 impl<'a> Lobe<'a> {
@@ -134,6 +151,17 @@ impl<'a> Scatter<'a> {
     /// Samples a direction; `None` when the light is absorbed.
     #[must_use]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<ScatterSample> {
+        if let [lobe] = self.lobes.as_slice()
+            && lobe.perturbed.is_none()
+        {
+            let sample = lobe.bsdf.sample(lobe.frame.to_local(wo), u_lobe, u)?;
+            return ScatterSample::checked(
+                &sample,
+                lobe.frame.to_world(sample.wi),
+                sample.weight,
+                sample.pdf,
+            );
+        }
         let (lobe, u_lobe) = self.choose(u_lobe)?;
         let sample = lobe.bsdf.sample(lobe.frame.to_local(wo), u_lobe, u)?;
         let wi = lobe.frame.to_world(sample.wi);
@@ -156,14 +184,7 @@ impl<'a> Scatter<'a> {
                 (weight, pdf) = (f / p, p);
             }
         }
-        (weight.max_element() > 0.0 && weight.is_finite()).then_some(ScatterSample {
-            wi,
-            weight,
-            pdf,
-            delta: sample.delta,
-            null: sample.null,
-            eta: sample.eta,
-        })
+        ScatterSample::checked(&sample, wi, weight, pdf)
     }
 
     /// The lobe that `u` falls on, and `u` stretched over it.

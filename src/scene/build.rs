@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene};
+use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene, Traits};
 use crate::accel::Accel;
 use crate::camera::{Camera, FilmSize, camera_position};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
@@ -277,7 +277,7 @@ impl Builder<'_> {
         let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
         // An environment alone has no size to go by.
         let radius = Some(f64::from(accel.bounds().bounding_sphere().1)).filter(|r| *r > 0.0).unwrap_or(1.0);
-        let (mut lights, mut power) = (Vec::new(), Vec::new());
+        let mut lights = Vec::new();
         for pending in std::mem::take(&mut self.pending) {
             let (light, shape) = match pending {
                 Pending::Ready(light) => (light, None),
@@ -289,8 +289,7 @@ impl Builder<'_> {
                     (Light::Area(AreaLight { sampler, emission }), Some(shape))
                 }
             };
-            let watts = light.power(radius);
-            if watts <= 0.0 {
+            if light.power(radius) <= 0.0 {
                 self.plan.black_lights += 1;
                 continue;
             }
@@ -298,10 +297,12 @@ impl Builder<'_> {
                 light_of_shape[shape as usize] = lights.len() as u32;
             }
             lights.push(light);
-            power.push(watts);
         }
-        let weights: Vec<f64> = lights.iter().map(|l| f64::from(l.weight())).collect();
-        let selection = LightSelection::new(&power, &weights);
+        let selection = LightSelection::new(&lights, &geometry, radius);
+        self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
+        let traits =
+            |m: &Arc<Material>| Traits { tangents: m.needs_tangents(), two_sided: m.needs_both_sides() };
+        let traits = self.materials.iter().map(traits).collect();
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());
         self.material_of_shape.resize(geometry.shapes().len(), 0);
@@ -316,10 +317,10 @@ impl Builder<'_> {
             environment,
             plan: self.plan,
             recentre: self.recentre,
-            tangents: self.materials.iter().map(|m| m.needs_tangents()).collect(),
             materials: self.materials,
             material_of_shape: self.material_of_shape,
             light_of_shape,
+            traits,
         })
     }
 

@@ -10,14 +10,14 @@ mod plan;
 mod select;
 
 pub use plan::Plan;
-pub use select::LightSelection;
+pub use select::{Choice, LightSelection};
 
 use std::sync::Arc;
 
 use crate::accel::Accel;
 use crate::camera::Camera;
 use crate::film::FilmSpec;
-use crate::light::{Light, LightSample, Target};
+use crate::light::{Light, LightSample, Receiver, Target};
 use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, SurfacePoint};
@@ -60,21 +60,41 @@ pub struct Scene {
     /// What was subtracted from all world positions.
     pub recentre: DVec3,
     materials: Vec<Arc<Material>>,
-    /// Which of them look at the direction of the tangent.
-    tangents: Vec<bool>,
+    /// What to know of each of them beforehand.
+    traits: Vec<Traits>,
     material_of_shape: Vec<u32>,
     light_of_shape: Vec<u32>,
+}
+
+/// What a hit needs to know of its material before that is evaluated.
+#[derive(Clone, Copy, Debug)]
+struct Traits {
+    /// It looks at the direction of the tangent.
+    tangents: bool,
+    /// Light from below the shading normal may count.
+    two_sided: bool,
 }
 
 /// A hit with everything that shading needs.
 #[derive(Clone, Debug)]
 pub struct Interaction<'a> {
     /// The surface point.
-    pub surface: SurfacePoint,
+    pub surface: &'a SurfacePoint,
     /// Unit direction towards where the path came from.
     pub wo: Vec3,
     /// The material's lobes.
     pub scatter: Scatter<'a>,
+    /// Light from below the shading normal may count.
+    pub two_sided: bool,
+}
+
+impl Interaction<'_> {
+    /// The point as lights see it.
+    #[must_use]
+    pub fn receiver(&self) -> Receiver {
+        let SurfacePoint { p, ns, .. } = *self.surface;
+        Receiver { p, n: if ns.dot(self.wo) < 0.0 { -ns } else { ns }, two_sided: self.two_sided }
+    }
 }
 
 /// A light sample with the probability of having chosen the light in it.
@@ -107,17 +127,19 @@ impl Scene {
 
     /// The material's lobes at a surface point.
     #[must_use]
-    pub fn interact(&self, surface: SurfacePoint, wo: Vec3) -> Interaction<'_> {
+    #[inline]
+    pub fn interact<'a>(&'a self, surface: &'a SurfacePoint, wo: Vec3) -> Interaction<'a> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
         let material = &self.materials[index];
-        let frame = if self.tangents[index] {
+        let Traits { tangents, two_sided } = self.traits[index];
+        let frame = if tangents {
             Frame::from_normal_tangent(surface.ns, surface.dpdu)
         } else {
             Frame::from_normal(surface.ns)
         };
         let point =
             Point { uv: surface.uv, wo, ng: surface.ng, frame, dpdu: surface.dpdu, dpdv: surface.dpdv };
-        Interaction { scatter: material.at(&point), surface, wo }
+        Interaction { scatter: material.at(&point), surface, wo, two_sided }
     }
 
     /// The light that a shape is, if it is one.
@@ -142,39 +164,54 @@ impl Scene {
         self.environment.map_or(Rgb::ZERO, |i| self.lights[i as usize].environment(wi))
     }
 
-    /// Chooses a light and a direction towards it, as seen from a surface point.
+    /// Chooses a light and a direction towards it, as seen from a hit.
     #[must_use]
-    pub fn sample_light(&self, from: &SurfacePoint, u_choice: f32, u: Vec2) -> Option<ChosenLight> {
-        let (index, pmf) = self.selection.sample(u_choice)?;
-        let sample = self.sample_one_light(index, from, u)?;
+    pub fn sample_light(&self, hit: &Interaction, u_choice: f32, u: Vec2) -> Option<ChosenLight> {
+        let receiver = hit.receiver();
+        let more = u.x.to_bits() ^ u.y.to_bits().rotate_left(16);
+        let Choice { light, prim, pmf } = self.selection.sample(&receiver, u_choice, more)?;
+        let sample = self.lights[light].sample_part(&self.geometry, &receiver, prim, u)?;
+        let sample = not_itself(&hit.surface, sample)?;
         Some(ChosenLight { sample, pdf: sample.pdf * pmf })
     }
 
     /// A direction towards one light, by its index.
     #[must_use]
-    pub fn sample_one_light(&self, index: usize, from: &SurfacePoint, u: Vec2) -> Option<LightSample> {
-        let sample = self.lights[index].sample(&self.geometry, from.p, u)?;
-        // A flat light does not see itself. From a point on it, rounding alone
-        // decides on which side the point lies, and so whether the light fills
-        // half the sky or nothing.
-        let own = matches!(&sample.target, Target::Surface(t) if from.planar && t.prim == from.prim);
-        (!own).then_some(sample)
+    pub fn sample_one_light(&self, index: usize, hit: &Interaction, u: Vec2) -> Option<LightSample> {
+        let sample = self.lights[index].sample(&self.geometry, &hit.receiver(), u)?;
+        not_itself(&hit.surface, sample)
     }
 
-    /// Pdf per solid angle with which [`Scene::sample_light`] from `p` would
-    /// have found the emitting `surface` in direction `wi`.
+    /// Pdf per solid angle with which [`Scene::sample_light`] for the receiver
+    /// would have found the emitting `surface` in direction `wi`.
     #[must_use]
-    pub fn light_pdf(&self, p: Vec3, surface: &SurfacePoint, wi: Vec3, distance_squared: f32) -> f32 {
+    pub fn light_pdf(
+        &self,
+        receiver: &Receiver,
+        surface: &SurfacePoint,
+        wi: Vec3,
+        distance_squared: f32,
+    ) -> f32 {
         let Some(index) = self.light_of_shape(surface.shape) else { return 0.0 };
         let Light::Area(area) = &self.lights[index as usize] else { return 0.0 };
-        self.selection.pmf(index as usize) * area.pdf(&self.geometry, p, surface, wi, distance_squared)
+        let pmf = self.selection.pmf(receiver, index as usize, surface.prim);
+        if pmf == 0.0 {
+            return 0.0;
+        }
+        let (geometry, sampler) = (&self.geometry, &area.sampler);
+        pmf * if self.selection.is_fine() {
+            sampler.pdf_prim(geometry, receiver.p, surface, wi, distance_squared)
+        } else {
+            sampler.pdf(geometry, receiver.p, surface, wi, distance_squared)
+        }
     }
 
-    /// The same for the environment.
+    /// The same for the environment, which every receiver sees alike.
     #[must_use]
     pub fn environment_pdf(&self, wi: Vec3) -> f32 {
-        self.environment
-            .map_or(0.0, |i| self.selection.pmf(i as usize) * self.lights[i as usize].pdf_environment(wi))
+        self.environment.map_or(0.0, |i| {
+            self.selection.pmf_infinite(i as usize) * self.lights[i as usize].pdf_environment(wi)
+        })
     }
 
     /// Bounds of all primitives, recentred.
@@ -188,4 +225,12 @@ impl Scene {
     pub fn materials(&self) -> &[Arc<Material>] {
         &self.materials
     }
+}
+
+/// A flat light does not see itself. From a point on it, rounding alone decides
+/// on which side the point lies, and so whether the light fills half the sky or
+/// nothing.
+fn not_itself(from: &SurfacePoint, sample: LightSample) -> Option<LightSample> {
+    let own = matches!(&sample.target, Target::Surface(t) if from.planar && t.prim == from.prim);
+    (!own).then_some(sample)
 }

@@ -26,6 +26,8 @@ pub struct Plan {
     pub black_lights: usize,
     /// Names of the light kinds in use, sorted.
     pub light_kinds: Vec<&'static str>,
+    /// Leaves, nodes and bytes of the light tree, if there is one.
+    pub light_tree: Option<[usize; 3]>,
     /// There is an environment.
     pub environment: bool,
     /// All lights are deltas: scattered rays never find one.
@@ -59,7 +61,11 @@ impl Plan {
     #[must_use]
     pub fn dimensions(&self) -> (u32, u32) {
         let before = 2 + if self.lens { 2 } else { 0 };
-        let light = if self.smooth_surfaces && self.lights > 0 { 2 + u32::from(self.lights > 1) } else { 0 };
+        let light = if self.smooth_surfaces && self.lights > 0 {
+            2 + u32::from(self.lights > 1 || self.light_tree.is_some())
+        } else {
+            0
+        };
         (before, light + 3 + 1)
     }
 
@@ -89,7 +95,14 @@ impl Plan {
             }
         };
         leave(!self.lens, "lens: a point aperture; 2 dimensions saved".into());
-        leave(self.lights <= 1, "light choice: at most one light; 1 dimension a vertex saved".into());
+        leave(
+            self.lights <= 1 && self.light_tree.is_none(),
+            "light choice: at most one light; 1 dimension a vertex saved".into(),
+        );
+        leave(
+            self.lights > 0 && self.light_tree.is_none(),
+            "light tree: few emitters; they are chosen by power, whatever the receiver".into(),
+        );
         leave(self.lights == 0, "light sampling: there is no light to sample".into());
         leave(!self.smooth_surfaces, "shadow rays: every surface is a mirror or smooth glass".into());
         leave(
@@ -127,6 +140,9 @@ impl Plan {
             "bsdfs": self.bsdfs,
             "lights": self.lights,
             "light_kinds": self.light_kinds,
+            "light_tree": self.light_tree.map(|[leaves, nodes, bytes]| {
+                json!({"leaves": leaves, "nodes": nodes, "bytes": bytes})
+            }),
             "environment": self.environment,
             "lens": self.lens,
             "alpha": self.alpha,
@@ -156,6 +172,9 @@ impl fmt::Display for Plan {
         )?;
         writeln!(f, "  materials   {} ({})", self.materials, join(&self.bsdfs))?;
         writeln!(f, "  lights      {} ({})", self.lights, join(&self.light_kinds))?;
+        if let Some([leaves, nodes, memory]) = self.light_tree {
+            writeln!(f, "  light tree  {leaves} emitters in {nodes} nodes of eight, {}", bytes(memory))?;
+        }
         writeln!(
             f,
             "  sampler     Owen-scrambled Sobol (the file says `{}`; its sample count is used)",

@@ -40,6 +40,7 @@ mod sampler;
 mod sphere;
 mod surface;
 mod triangle;
+mod triangle_view;
 mod view;
 
 pub use builder::{GeometryBuilder, MeshOptions, MeshReport};
@@ -51,6 +52,7 @@ pub use rectangle::Rectangle;
 pub use sampler::ShapeSampler;
 pub use sphere::Sphere;
 pub use surface::{ShapeSample, SurfacePoint};
+pub use triangle_view::TriangleView;
 pub use view::{RectView, SphereView};
 
 use crate::desc::kinds;

@@ -65,7 +65,7 @@ impl Plane {
 pub struct Rectangle {
     pub(crate) plane: Plane,
     ng: DVec3,
-    ns: DVec3,
+    pub(crate) ns: DVec3,
 }
 
 impl Rectangle {

@@ -1,13 +1,16 @@
 //! Samples a shape as a light.
 //!
-//! Spheres by the cone they fill (from inside by area and direction), near rectangles by solid angle, all else
-//! uniformly in area: meshes choose a triangle by area and a point in it.
+//! Spheres by the cone they fill (from inside by area and direction), near
+//! rectangles and triangles by solid angle, all else uniformly in area: meshes
+//! choose a triangle by area and a point in it.
 //! Densities are per solid angle at the reference point; the area measure is
 //! converted by the *geometric* normal, dist² / (|cos θ|·A). Which side emits
 //! is for the light to decide.
 
+use super::view::RectFrame;
 use super::{
     Analytic, AnalyticPoint, Geometry, Hit, PrimId, RectView, ShapeId, ShapeSample, SphereView, SurfacePoint,
+    TriangleView,
 };
 use crate::math::{DVec3, Vec2, Vec3};
 use crate::sampling::{AliasTable, uniform_triangle};
@@ -18,8 +21,23 @@ pub struct ShapeSampler {
     first_prim: PrimId,
     shape: ShapeId,
     area: f64,
-    /// For meshes.
-    triangles: Option<TriangleTable>,
+    method: Method,
+}
+
+/// What makes sampling faster than the geometry alone.
+#[derive(Clone, Debug)]
+enum Method {
+    /// A sphere, disk or cylinder.
+    Plain,
+    Rectangle(RectFrame),
+    Mesh(TriangleTable),
+}
+
+/// An analytic shape as seen from a point.
+enum View {
+    Sphere(SphereView),
+    Rectangle(RectView),
+    Area,
 }
 
 impl ShapeSampler {
@@ -28,30 +46,32 @@ impl ShapeSampler {
     #[must_use]
     pub fn new(geometry: &Geometry, shape: ShapeId) -> Option<ShapeSampler> {
         let info = geometry.shapes().get(shape as usize)?;
-        if geometry.analytic(info.first_prim).is_some() && info.kind != "mesh" {
-            let area = geometry.area(info.first_prim);
-            return (area > 0.0 && area.is_finite()).then_some(ShapeSampler {
-                first_prim: info.first_prim,
-                shape,
-                area,
-                triangles: None,
-            });
+        let first_prim = info.first_prim;
+        if let Some(analytic) = geometry.analytic(first_prim) {
+            let area = analytic.area();
+            let method = match analytic {
+                Analytic::Rectangle(r) => Method::Rectangle(RectFrame::new(r)),
+                Analytic::Sphere(_) | Analytic::Disk(_) | Analytic::Cylinder(_) => Method::Plain,
+            };
+            let valid = area > 0.0 && area.is_finite();
+            return valid.then_some(ShapeSampler { first_prim, shape, area, method });
         }
         let areas: Vec<f64> =
-            (info.first_prim..info.first_prim + info.prim_count).map(|prim| geometry.area(prim)).collect();
-        let triangles = TriangleTable::new(&areas)?;
-        Some(ShapeSampler {
-            first_prim: info.first_prim,
-            shape,
-            area: triangles.total(),
-            triangles: Some(triangles),
-        })
+            (first_prim..first_prim + info.prim_count).map(|prim| geometry.area(prim)).collect();
+        let table = TriangleTable::new(&areas)?;
+        Some(ShapeSampler { first_prim, shape, area: table.total(), method: Method::Mesh(table) })
     }
 
     /// The shape.
     #[must_use]
     pub fn shape(&self) -> ShapeId {
         self.shape
+    }
+
+    /// Its first primitive.
+    #[must_use]
+    pub fn first_prim(&self) -> PrimId {
+        self.first_prim
     }
 
     /// Its area in the square of the scene's unit, above 0.
@@ -63,46 +83,78 @@ impl ShapeSampler {
     /// Memory of its tables in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        self.triangles.as_ref().map_or(0, TriangleTable::memory_bytes)
+        match &self.method {
+            Method::Mesh(table) => table.memory_bytes(),
+            Method::Plain | Method::Rectangle(_) => 0,
+        }
     }
 
     /// A point of the shape as seen from `from`. `None` when its density is
     /// zero or not finite: edge-on, or at `from` itself.
     #[must_use]
     pub fn sample(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
-        let Some(table) = &self.triangles else {
+        let Method::Mesh(table) = &self.method else {
             return self.sample_analytic(geometry, from, u);
         };
         let (index, u) = table.sample(u);
-        let (b1, b2) = uniform_triangle(u);
-        let hit = Hit { t: 1.0, prim: self.first_prim + index as u32, u: b1, v: b2 };
+        let prim = self.first_prim + index as u32;
+        self.sample_triangle(geometry, prim, from, u, geometry.area(prim) / self.area)
+    }
+
+    /// A point of one triangle of a mesh, or of the whole of another shape; the
+    /// density is that of the point once the primitive is chosen.
+    #[must_use]
+    pub fn sample_prim(&self, geometry: &Geometry, prim: PrimId, from: Vec3, u: Vec2) -> Option<ShapeSample> {
+        match &self.method {
+            Method::Mesh(_) => self.sample_triangle(geometry, prim, from, u, 1.0),
+            Method::Plain | Method::Rectangle(_) => self.sample_analytic(geometry, from, u),
+        }
+    }
+
+    fn sample_triangle(
+        &self,
+        geometry: &Geometry,
+        prim: PrimId,
+        from: Vec3,
+        u: Vec2,
+        pmf: f64,
+    ) -> Option<ShapeSample> {
+        let view = TriangleView::new(&geometry.triangle(prim)?, from);
+        let (b1, b2) = view.sample(u).unwrap_or_else(|| uniform_triangle(u));
+        let hit = Hit { t: 1.0, prim, u: b1, v: b2 };
         let point = geometry.triangle_surface(self.shape, &hit);
         let offset = point.p.as_dvec3() - from.as_dvec3();
         let (wi, distance_squared) = (offset.try_normalize()?, offset.length_squared());
-        finish(&point, wi, self.pdf_by_area(distance_squared, wi, &point))
+        let pdf = view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, &point, geometry.area(prim)));
+        finish(&point, wi, pmf * pdf)
     }
 
     fn sample_analytic(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
         let analytic = geometry.analytic(self.first_prim)?;
         let origin = from.as_dvec3();
-        let chosen = match analytic {
-            Analytic::Sphere(sphere) => Some(SphereView::new(sphere, from).sample(sphere, u)?),
-            Analytic::Rectangle(rectangle) => match RectView::new(rectangle, from).sample(rectangle, u) {
-                Some(point) => Some((point, (point.p - origin).try_normalize()?)),
-                None => None,
-            },
-            Analytic::Disk(_) | Analytic::Cylinder(_) => None,
-        };
-        let (point, wi) = match chosen {
-            Some(chosen) => chosen,
-            None => {
-                let point = analytic.sample_area(u);
-                (point, (point.p - origin).try_normalize()?)
+        let towards = |point: AnalyticPoint| Some((point, (point.p - origin).try_normalize()?));
+        let view = self.view(analytic, from);
+        let (point, wi) = match (&view, analytic) {
+            (View::Sphere(view), Analytic::Sphere(sphere)) => view.sample(sphere, u)?,
+            (View::Rectangle(view), Analytic::Rectangle(rectangle)) => {
+                towards(view.sample(rectangle, u).unwrap_or_else(|| rectangle.sample_area(u)))?
             }
+            _ => towards(analytic.sample_area(u))?,
         };
         let distance_squared = (point.p - origin).length_squared();
         let point = self.round(analytic, &point);
-        finish(&point, wi, self.pdf_f64(analytic, from, &point, wi, distance_squared))
+        finish(&point, wi, view.pdf(by_area(distance_squared, wi, &point, self.area)))
+    }
+
+    /// True when no point of a flat shape is seen on the side of its shading
+    /// normal from `from`, or all of it is below the horizon of `normal` there.
+    /// False for shapes that are not flat: they are not looked at.
+    #[must_use]
+    pub fn is_hidden(&self, from: Vec3, normal: Option<Vec3>) -> bool {
+        match &self.method {
+            Method::Rectangle(frame) => frame.is_hidden(from, normal),
+            Method::Plain | Method::Mesh(_) => false,
+        }
     }
 
     /// The density per solid angle at `from` with which [`ShapeSampler::sample`]
@@ -117,34 +169,51 @@ impl ShapeSampler {
         wi: Vec3,
         distance_squared: f32,
     ) -> f32 {
-        let (wi, distance_squared) = (wi.as_dvec3(), f64::from(distance_squared));
-        let pdf = match geometry.analytic(self.first_prim) {
-            Some(analytic) => self.pdf_f64(analytic, from, point, wi, distance_squared),
-            None => self.pdf_by_area(distance_squared, wi, point),
-        } as f32;
-        if pdf.is_finite() { pdf } else { 0.0 }
+        let pmf = match &self.method {
+            Method::Mesh(_) => geometry.area(point.prim) / self.area,
+            Method::Plain | Method::Rectangle(_) => 1.0,
+        };
+        in_f32(pmf * self.pdf_of_prim(geometry, from, point, wi, distance_squared))
     }
 
-    /// The density for analytic shapes: the only place that knows it.
-    fn pdf_f64(
+    /// The same for [`ShapeSampler::sample_prim`] of the primitive of `point`.
+    #[must_use]
+    pub fn pdf_prim(
         &self,
-        analytic: &Analytic,
+        geometry: &Geometry,
         from: Vec3,
         point: &SurfacePoint,
-        wi: DVec3,
-        distance_squared: f64,
+        wi: Vec3,
+        distance_squared: f32,
+    ) -> f32 {
+        in_f32(self.pdf_of_prim(geometry, from, point, wi, distance_squared))
+    }
+
+    fn pdf_of_prim(
+        &self,
+        geometry: &Geometry,
+        from: Vec3,
+        point: &SurfacePoint,
+        wi: Vec3,
+        distance_squared: f32,
     ) -> f64 {
-        let by_area = self.pdf_by_area(distance_squared, wi, point);
-        match analytic {
-            Analytic::Sphere(sphere) => SphereView::new(sphere, from).pdf(by_area),
-            Analytic::Rectangle(rectangle) => RectView::new(rectangle, from).pdf().unwrap_or(by_area),
-            Analytic::Disk(_) | Analytic::Cylinder(_) => by_area,
+        let uniform = |area| by_area(f64::from(distance_squared), wi.as_dvec3(), point, area);
+        match (geometry.analytic(self.first_prim), geometry.triangle(point.prim)) {
+            (Some(analytic), _) => self.view(analytic, from).pdf(uniform(self.area)),
+            (None, Some(vertices)) => {
+                let view = TriangleView::new(&vertices, from);
+                view.pdf().unwrap_or_else(|| uniform(geometry.area(point.prim)))
+            }
+            (None, None) => 0.0,
         }
     }
 
-    /// 1/A per area, per solid angle. Infinite edge-on.
-    fn pdf_by_area(&self, distance_squared: f64, wi: DVec3, point: &SurfacePoint) -> f64 {
-        distance_squared / (wi.dot(point.ng.as_dvec3()).abs() * self.area)
+    fn view(&self, analytic: &Analytic, from: Vec3) -> View {
+        match (&self.method, analytic) {
+            (Method::Rectangle(frame), _) => View::Rectangle(RectView::of(frame, from)),
+            (_, Analytic::Sphere(sphere)) => View::Sphere(SphereView::new(sphere, from)),
+            _ => View::Area,
+        }
     }
 
     fn round(&self, analytic: &Analytic, point: &AnalyticPoint) -> SurfacePoint {
@@ -161,6 +230,28 @@ impl ShapeSampler {
             planar: analytic.is_planar(),
         }
     }
+}
+
+impl View {
+    /// Density per solid angle of a point whose density is `by_area` when it
+    /// is chosen uniformly in area.
+    fn pdf(&self, by_area: f64) -> f64 {
+        match self {
+            View::Sphere(view) => view.pdf(by_area),
+            View::Rectangle(view) => view.pdf().unwrap_or(by_area),
+            View::Area => by_area,
+        }
+    }
+}
+
+/// 1/A per area, per solid angle. Infinite edge-on.
+fn by_area(distance_squared: f64, wi: DVec3, point: &SurfacePoint, area: f64) -> f64 {
+    distance_squared / (wi.dot(point.ng.as_dvec3()).abs() * area)
+}
+
+fn in_f32(pdf: f64) -> f32 {
+    let pdf = pdf as f32;
+    if pdf.is_finite() { pdf } else { 0.0 }
 }
 
 fn finish(point: &SurfacePoint, wi: DVec3, pdf: f64) -> Option<ShapeSample> {

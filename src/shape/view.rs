@@ -4,6 +4,8 @@
 
 use std::f64::consts::TAU;
 
+use glam::DVec2;
+
 use super::linear::signed;
 use super::{AnalyticPoint, Rectangle, Sphere};
 use crate::math::{DVec3, Vec2, Vec3};
@@ -103,15 +105,63 @@ impl Cone {
     }
 }
 
+/// What of a rectangle does not depend on the viewer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RectFrame {
+    centre: DVec3,
+    /// Unit, along the edges.
+    x: DVec3,
+    y: DVec3,
+    /// Edge lengths.
+    width: f64,
+    height: f64,
+    /// Unit shading normal.
+    ns: DVec3,
+    /// Its corners are right angles.
+    square: bool,
+}
+
+impl RectFrame {
+    /// Largest cosine between the edges of what counts as a rectangle.
+    const MAX_SHEAR: f64 = 1e-9;
+
+    pub(crate) fn new(rectangle: &Rectangle) -> RectFrame {
+        let plane = &rectangle.plane;
+        let (width, height) = (plane.x.length() * 2.0, plane.y.length() * 2.0);
+        let (x, y) = (plane.x * (2.0 / width), plane.y * (2.0 / height));
+        let square = x.dot(y).abs() <= RectFrame::MAX_SHEAR;
+        RectFrame { centre: plane.centre, x, y, width, height, ns: rectangle.ns, square }
+    }
+
+    /// True when `from` is behind the rectangle or all of it lies below the
+    /// horizon of `normal` there.
+    pub(crate) fn is_hidden(&self, from: Vec3, normal: Option<Vec3>) -> bool {
+        let to_centre = self.centre - from.as_dvec3();
+        if self.ns.dot(to_centre) >= 0.0 {
+            return true;
+        }
+        normal.is_some_and(|n| {
+            let n = n.as_dvec3();
+            let reach = self.width * n.dot(self.x).abs() + self.height * n.dot(self.y).abs();
+            n.dot(to_centre) + 0.5 * reach <= 0.0
+        })
+    }
+}
+
 /// A rectangle as seen from a point: nearby it is the spherical rectangle of
 /// Ureña, Fajardo, King 2013, "An Area-Preserving Parametrization for
 /// Spherical Rectangles"; far away, or when it is not rectangular, its area.
+///
+/// The inner angle g at the corner (x, y) of a rectangle at distance |z| has
+/// cos g : sin g = ±x·y : |z|·r with r the distance to the corner. The solid
+/// angle S = Σg − 2π is the argument of the product of the four complex
+/// numbers cos g + i sin g: one arc tangent for all four angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RectView {
     spherical: Option<Spherical>,
 }
 
-/// Names as in listing 1 of the paper.
+/// Names as in listing 1 of the paper, lengths in units of the largest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spherical {
     x0: f64,
@@ -119,10 +169,14 @@ struct Spherical {
     y0: f64,
     y1: f64,
     z0: f64,
-    b0: f64,
-    b1: f64,
-    k: f64,
+    /// e^(ik), not normalised.
+    k: DVec2,
     solid_angle: f64,
+}
+
+/// The product of two complex numbers.
+fn times(a: DVec2, b: DVec2) -> DVec2 {
+    DVec2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
 }
 
 impl RectView {
@@ -131,51 +185,42 @@ impl RectView {
     /// Sampling by solid angle pays when the diagonal is longer than this
     /// fraction of the distance.
     const MIN_RATIO: f64 = 0.5;
-    /// Largest cosine between the edges of what counts as a rectangle.
-    const MAX_SHEAR: f64 = 1e-9;
 
     /// The view of a rectangle from a point.
     #[must_use]
     pub fn new(rectangle: &Rectangle, from: Vec3) -> RectView {
-        RectView { spherical: RectView::spherical(rectangle, from.as_dvec3()) }
+        RectView::of(&RectFrame::new(rectangle), from)
     }
 
-    fn spherical(rectangle: &Rectangle, from: DVec3) -> Option<Spherical> {
-        let plane = &rectangle.plane;
-        let (width, height) = (plane.x.length() * 2.0, plane.y.length() * 2.0);
-        if plane.x.dot(plane.y).abs() * 4.0 > RectView::MAX_SHEAR * width * height {
+    /// The same for a rectangle made ready.
+    pub(crate) fn of(frame: &RectFrame, from: Vec3) -> RectView {
+        RectView { spherical: RectView::spherical(frame, from.as_dvec3()) }
+    }
+
+    fn spherical(frame: &RectFrame, from: DVec3) -> Option<Spherical> {
+        let RectFrame { centre, x, y, width, height, square, .. } = *frame;
+        let to_centre = centre - from;
+        let diagonal2 = width * width + height * height;
+        let near = diagonal2 >= RectView::MIN_RATIO * RectView::MIN_RATIO * to_centre.length_squared();
+        if !square || !near {
             return None;
         }
-        let to_centre = plane.centre - from;
-        if width.hypot(height) < RectView::MIN_RATIO * to_centre.length() {
-            return None;
-        }
-        let (x, y) = (plane.x * (2.0 / width), plane.y * (2.0 / height));
         let (x0, y0) = (to_centre.dot(x) - 0.5 * width, to_centre.dot(y) - 0.5 * height);
         let (x1, y1) = (x0 + width, y0 + height);
         let z0 = -to_centre.dot(x.cross(y)).abs();
-        if z0 == 0.0 {
-            return None;
-        }
-        // Normals of the planes through the viewer and the edges.
-        let n0 = DVec3::new(0.0, z0, -y0).normalize();
-        let n1 = DVec3::new(-z0, 0.0, x1).normalize();
-        let n2 = DVec3::new(0.0, -z0, y1).normalize();
-        let n3 = DVec3::new(z0, 0.0, -x0).normalize();
-        let inner = |a: DVec3, b: DVec3| a.cross(b).length().atan2(-a.dot(b));
-        let k = TAU - inner(n2, n3) - inner(n3, n0);
-        let solid_angle = inner(n0, n1) + inner(n1, n2) - k;
-        (solid_angle > RectView::MIN_SOLID_ANGLE).then_some(Spherical {
-            x0,
-            x1,
-            y0,
-            y1,
-            z0,
-            b0: n0.z,
-            b1: n2.z,
-            k,
-            solid_angle,
-        })
+        let largest = x0.abs().max(x1.abs()).max(y0.abs().max(y1.abs())).max(-z0);
+        let unit = 1.0 / largest;
+        let (x0, x1, y0, y1, z0) = (x0 * unit, x1 * unit, y0 * unit, y1 * unit, z0 * unit);
+        let corner =
+            |x: f64, y: f64, sign: f64| DVec2::new(x * y * sign, -z0 * (x * x + y * y + z0 * z0).sqrt());
+        let k = times(corner(x0, y1, 1.0), corner(x0, y0, -1.0));
+        let all = times(times(corner(x1, y0, 1.0), corner(x1, y1, -1.0)), k);
+        let angle = all.y.atan2(all.x);
+        // More than half a sphere only close before the middle; else it is the rounding of nothing.
+        let close = -z0 < (x1 - x0).min(y1 - y0) && x0 < 0.0 && x1 > 0.0 && y0 < 0.0 && y1 > 0.0;
+        let solid_angle = if angle < 0.0 && close { angle + TAU } else { angle };
+        let usable = z0 < 0.0 && solid_angle > RectView::MIN_SOLID_ANGLE;
+        usable.then_some(Spherical { x0, x1, y0, y1, z0, k: DVec2::new(k.x, -k.y), solid_angle })
     }
 
     /// Density per solid angle; `None` when points are uniform in area.
@@ -188,16 +233,19 @@ impl RectView {
     /// are to be uniform in area.
     pub(crate) fn sample(&self, rectangle: &Rectangle, u: Vec2) -> Option<AnalyticPoint> {
         let s = self.spherical?;
-        let au = f64::from(u.x) * s.solid_angle + s.k;
-        let fu = (au.cos() * s.b0 - s.b1) / au.sin();
-        let cu = (1.0 / fu.hypot(s.b0)).copysign(fu).clamp(-1.0, 1.0);
+        let (b0, b1) =
+            (-s.y0 / (s.y0 * s.y0 + s.z0 * s.z0).sqrt(), s.y1 / (s.y1 * s.y1 + s.z0 * s.z0).sqrt());
+        let (sin, cos) = (f64::from(u.x) * s.solid_angle).sin_cos();
+        let au = times(DVec2::new(cos, sin), s.k);
+        let fu = (au.x * b0 - au.length() * b1) / au.y;
+        let cu = (1.0 / (fu * fu + b0 * b0).sqrt()).copysign(fu).clamp(-1.0, 1.0);
         let sin_u = ((1.0 - cu) * (1.0 + cu)).sqrt();
         let xu = (-(cu * s.z0) / sin_u).clamp(s.x0, s.x1);
-        let d = xu.hypot(s.z0);
-        let (h0, h1) = (s.y0 / d.hypot(s.y0), s.y1 / d.hypot(s.y1));
+        let d2 = xu * xu + s.z0 * s.z0;
+        let (h0, h1) = (s.y0 / (d2 + s.y0 * s.y0).sqrt(), s.y1 / (d2 + s.y1 * s.y1).sqrt());
         let hv = h0 + f64::from(u.y) * (h1 - h0);
         let rest = (1.0 - hv) * (1.0 + hv);
-        let yv = if rest > 0.0 { (hv * d / rest.sqrt()).clamp(s.y0, s.y1) } else { s.y1 };
+        let yv = if rest > 0.0 { (hv * (d2 / rest).sqrt()).clamp(s.y0, s.y1) } else { s.y1 };
         let local =
             |value: f64, low: f64, high: f64| (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.0, 1.0);
         if xu.is_nan() || yv.is_nan() {

@@ -1,0 +1,133 @@
+//! Where a light is, which way it shines, and how much: what a choice among
+//! many lights goes by.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use super::{AreaLight, Light, grey};
+use crate::math::{Bounds, Rgb, Vec2, Vec3, angle_between};
+use crate::sampling::uniform_triangle;
+use crate::shape::{Analytic, Geometry, Hit, PrimId, SurfacePoint};
+
+/// Bounds of one emitter: a whole light, or one triangle of it.
+///
+/// It shines from within the sphere, only in directions closer than `falloff`
+/// to some normal, and all normals are closer than `spread` to `axis` (Conty
+/// Estevez & Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree
+/// Splitting", section 4.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// The box around it.
+    pub bounds: Bounds,
+    /// Radius of a sphere around the middle of the box that contains it.
+    pub radius: f32,
+    /// Unit.
+    pub axis: Vec3,
+    /// Radians in [0, π].
+    pub spread: f32,
+    /// Radians in [0, π/2].
+    pub falloff: f32,
+    /// Emitted power, grey; finite, not negative.
+    pub power: f64,
+}
+
+/// An emitter of a scene: a light, or one primitive of a light that is a mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emitter {
+    /// Index of the light.
+    pub light: u32,
+    /// The primitive; not looked at where the light has none.
+    pub prim: PrimId,
+    /// What bounds it.
+    pub extent: Extent,
+}
+
+/// Added to the spread of normals: rounding never hides a light.
+const SLACK: f32 = 1e-4;
+
+impl Light {
+    /// The emitters it consists of; none for lights at infinity.
+    #[must_use]
+    pub fn emitters(&self, geometry: &Geometry, light: u32) -> Vec<Emitter> {
+        let one = |extent| vec![Emitter { light, prim: 0, extent }];
+        match self {
+            Light::Area(area) => area
+                .prims(geometry)
+                .filter_map(|prim| Some(Emitter { light, prim, extent: area.extent(geometry, prim)? }))
+                .collect(),
+            Light::Point(point) => one(Extent::everywhere(Bounds::point(point.position), 0.0, point.power())),
+            Light::Spot(spot) => {
+                let all = Extent::everywhere(Bounds::point(spot.position), 0.0, spot.power());
+                let Some((axis, beam, cutoff)) = spot.cone() else { return one(all) };
+                let spread = beam.max(cutoff - FRAC_PI_2);
+                one(Extent { axis, spread: (spread + SLACK).min(PI), falloff: cutoff - spread, ..all })
+            }
+            Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) => Vec::new(),
+        }
+    }
+}
+
+impl Extent {
+    /// Shines from the box in all directions.
+    fn everywhere(bounds: Bounds, radius: f32, power: f64) -> Extent {
+        Extent { bounds, radius, axis: Vec3::Z, spread: PI, falloff: FRAC_PI_2, power }
+    }
+}
+
+impl AreaLight {
+    /// Its primitives.
+    fn prims(&self, geometry: &Geometry) -> std::ops::Range<PrimId> {
+        let first = self.sampler.first_prim();
+        first..first + geometry.shapes()[self.sampler.shape() as usize].prim_count
+    }
+
+    /// Bounds of one primitive; `None` without area or power.
+    fn extent(&self, geometry: &Geometry, prim: PrimId) -> Option<Extent> {
+        let area = geometry.area(prim);
+        let bounds = geometry.prim_bounds(prim);
+        let power = std::f64::consts::PI * area * self.radiance(geometry, prim);
+        if !(power > 0.0) || !power.is_finite() {
+            return None;
+        }
+        let all = Extent::everywhere(bounds, bounds.bounding_sphere().1, power);
+        Some(match geometry.analytic(prim) {
+            // The box of a sphere is widened by rounding; so is the sphere.
+            Some(Analytic::Sphere(_)) => Extent { radius: bounds.extent().max_element() * 0.5, ..all },
+            Some(Analytic::Cylinder(_)) => all,
+            Some(flat) => {
+                let axis = flat.sample_area(Vec2::splat(0.5)).ns.as_vec3();
+                Extent { axis, spread: SLACK, ..all }
+            }
+            None => {
+                let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
+                let normals = corners.map(|(u, v)| self.triangle_point(geometry, prim, u, v).ns);
+                let axis = normals.iter().sum::<Vec3>().normalize_or(Vec3::Z);
+                let spread = normals.iter().map(|n| angle_between(*n, axis)).fold(0.0, f32::max) + SLACK;
+                // Normals between vertices lie between their normals only within half a sphere.
+                if spread < 0.99 * FRAC_PI_2 { Extent { axis, spread, ..all } } else { all }
+            }
+        })
+    }
+
+    fn triangle_point(&self, geometry: &Geometry, prim: PrimId, u: f32, v: f32) -> SurfacePoint {
+        geometry.triangle_surface(self.sampler.shape(), &Hit { t: 1.0, prim, u, v })
+    }
+
+    /// Mean radiance of a primitive, grey. Of a textured triangle half of that
+    /// is a few points of its own, half the mean of the texture: nothing that
+    /// the points miss is lost.
+    fn radiance(&self, geometry: &Geometry, prim: PrimId) -> f64 {
+        let texture = &self.emission.radiance;
+        let mean = grey(texture.mean());
+        if texture.is_constant().is_some() || geometry.triangle(prim).is_none() {
+            return mean;
+        }
+        let side = 4u32;
+        let mut sum = Rgb::ZERO;
+        for i in 0..side * side {
+            let u = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
+            let (b1, b2) = uniform_triangle(u);
+            sum += texture.eval(self.triangle_point(geometry, prim, b1, b2).uv);
+        }
+        0.5 * mean + 0.5 * grey(sum / (side * side) as f32)
+    }
+}
