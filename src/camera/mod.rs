@@ -204,15 +204,16 @@ impl Pose {
         DMat4::from_cols(unit(m.x_axis), unit(m.y_axis), unit(m.z_axis), m.w_axis)
     }
 
-    /// The ray from `origin` along unit `dir`, both in camera space, between
-    /// the clip planes.
-    fn clipped_ray(&self, origin: DVec3, dir: DVec3, clip: Clip) -> Ray {
-        let near = clip.near / dir.z;
-        let far = clip.far / dir.z;
-        let dir = self.vector(dir).normalize();
-        let start = self.point(origin) + dir * near;
+    /// The ray from `origin` towards the point `target` at z = 1 further on,
+    /// both in camera space, between the clip planes.
+    fn clipped_ray(&self, origin: DVec3, target: DVec3, clip: Clip) -> Ray {
+        let towards = self.vector(target);
+        // Lengths along the ray for one unit of z.
+        let (stretch, length) = (target.length(), towards.length());
+        let dir = towards / length;
+        let start = self.point(origin) + dir * (clip.near * stretch);
         let mut ray = Ray::new(start.as_vec3(), dir.as_vec3());
-        ray.t_max = (far - near) as f32;
+        ray.t_max = ((clip.far - clip.near) * stretch) as f32;
         ray
     }
 }

@@ -54,7 +54,7 @@ impl Perspective {
     }
 
     pub(super) fn ray(&self, film: Vec2) -> Ray {
-        self.pose.clipped_ray(DVec3::ZERO, self.at_unit_distance(film).normalize(), self.clip)
+        self.pose.clipped_ray(DVec3::ZERO, self.at_unit_distance(film), self.clip)
     }
 
     /// The inverse of [`Perspective::at_unit_distance`] as a matrix, with z

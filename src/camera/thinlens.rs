@@ -36,10 +36,10 @@ impl ThinLens {
     }
 
     pub(super) fn ray(&self, film: Vec2, lens: Vec2) -> Ray {
-        let focus = self.pinhole.at_unit_distance(film) * self.focus_distance;
         let lens = concentric_disk(lens).as_dvec2() * self.aperture_radius;
         let origin = DVec3::new(lens.x, lens.y, 0.0);
-        self.pose().clipped_ray(origin, (focus - origin).normalize(), self.pinhole.clip())
+        let target = self.pinhole.at_unit_distance(film) - origin / self.focus_distance;
+        self.pose().clipped_ray(origin, target, self.pinhole.clip())
     }
 
     pub(super) fn camera_to_ndc(&self) -> DMat4 {

@@ -186,14 +186,19 @@ impl Filter {
         let count = ((last - first + 1).max(0) as usize).min(MAX_TAPS);
         let weights = &mut scratch[..count];
         let start = f64::from(first) - place;
-        if let Filter::Gaussian { stddev } = *self {
-            gaussian_row(start, stddev, weights);
-        } else {
-            for (i, weight) in weights.iter_mut().enumerate() {
-                *weight = self.eval(start + i as f64);
-            }
+        match *self {
+            Filter::Gaussian { stddev } => gaussian_row(start, stddev, weights),
+            Filter::Tent { radius } => fill(start, weights, |x| 1.0 - x.abs() / radius),
+            _ => fill(start, weights, |x| self.eval(x)),
         }
         Taps { first, weights }
+    }
+}
+
+#[inline]
+fn fill(start: f64, weights: &mut [f64], f: impl Fn(f64) -> f64) {
+    for (i, weight) in (0i32..).zip(weights) {
+        *weight = f(start + f64::from(i));
     }
 }
 

@@ -53,7 +53,8 @@ impl Sampler {
     /// in [0, 1)².
     #[must_use]
     pub fn pixel_and_light(&self) -> (Vec2, Vec2) {
-        let (a, b) = self.seeds(Use::Joint, 0);
+        let a = mix(self.key ^ Use::Joint as u64);
+        let b = mix(a.wrapping_add(0xd1b5_4a32_d192_ed03));
         (scrambled_2d(sobol_01(self.index), a), scrambled_2d(sobol_23(self.index), b))
     }
 
@@ -62,7 +63,7 @@ impl Sampler {
     #[must_use]
     pub fn get_1d(&self, dimension: u32) -> f32 {
         let (a, b) = self.seeds(Use::OneD, dimension);
-        let index = owen_reversed(self.reversed, b as u32).reverse_bits();
+        let index = owen_reversed(self.reversed, b).reverse_bits();
         unit_float_reversed(owen_reversed(index, a as u32))
     }
 
@@ -71,15 +72,17 @@ impl Sampler {
     #[must_use]
     pub fn get_2d(&self, dimension: u32) -> Vec2 {
         let (a, b) = self.seeds(Use::TwoD, dimension);
-        let index = owen_reversed(self.reversed, b as u32).reverse_bits();
+        let index = owen_reversed(self.reversed, b).reverse_bits();
         scrambled_2d(sobol_01(index), a)
     }
 
-    /// 128 hashed bits for one use of one dimension.
-    fn seeds(&self, kind: Use, dimension: u32) -> (u64, u64) {
+    /// 96 hashed bits for one use of one dimension: for two values, and for
+    /// the shuffle of the index.
+    fn seeds(&self, kind: Use, dimension: u32) -> (u64, u32) {
         let name = (u64::from(dimension) << 2) | kind as u64;
         let a = mix(self.key ^ name.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        (a, mix(a.wrapping_add(0xd1b5_4a32_d192_ed03)))
+        // The upper half of a product depends on all bits of `a`.
+        (a, (a.wrapping_mul(0xd1b5_4a32_d192_ed03) >> 32) as u32)
     }
 }
 

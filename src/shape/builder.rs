@@ -164,6 +164,7 @@ impl GeometryBuilder {
             normals: None,
             uvs: None,
         });
+        g.analytic_bounds.push(triangle::widen(analytic.bounds()));
         g.analytic.push(analytic);
         g.analytic_shapes.push(shape);
         shape

@@ -33,6 +33,8 @@ pub struct Geometry {
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) triangle_shapes: Vec<ShapeId>,
     pub(crate) analytic: Vec<Analytic>,
+    /// Their boxes, as [`Geometry::prim_bounds`] gives them.
+    pub(crate) analytic_bounds: Vec<Bounds>,
     pub(crate) analytic_shapes: Vec<ShapeId>,
     pub(crate) shapes: Vec<ShapeInfo>,
     pub(crate) bounds: Option<Bounds>,
@@ -91,10 +93,12 @@ impl Geometry {
     /// test: every hit lies in it.
     #[must_use]
     pub fn prim_bounds(&self, prim: PrimId) -> Bounds {
-        match (self.triangle(prim), self.analytic(prim)) {
-            (Some(vertices), _) => triangle::bounds(&vertices),
-            (None, Some(analytic)) => triangle::widen(analytic.bounds()),
-            (None, None) => Bounds::EMPTY,
+        match self.triangle(prim) {
+            Some(vertices) => triangle::bounds(&vertices),
+            None => {
+                let index = (prim as usize).wrapping_sub(self.triangles.len());
+                self.analytic_bounds.get(index).copied().unwrap_or(Bounds::EMPTY)
+            }
         }
     }
 
@@ -123,6 +127,7 @@ impl Geometry {
             + size_of_val(&*self.triangles)
             + size_of_val(&*self.triangle_shapes)
             + size_of_val(&*self.analytic)
+            + size_of_val(&*self.analytic_bounds)
             + size_of_val(&*self.analytic_shapes)
     }
 
@@ -167,9 +172,9 @@ impl Geometry {
         if probe.skips(prim) {
             return None;
         }
-        let analytic = self.analytic(prim)?;
-        let hit = analytic.intersect(probe.origin_f64, probe.dir_f64)?;
-        let t = probe.confine(hit.t, &triangle::widen(analytic.bounds()), t_max)?;
+        let index = (prim as usize).checked_sub(self.triangles.len())?;
+        let hit = self.analytic.get(index)?.intersect(probe.origin_f64, probe.dir_f64)?;
+        let t = probe.confine(hit.t, &self.analytic_bounds[index], t_max)?;
         Some(Hit { t, prim, u: hit.u, v: hit.v })
     }
 

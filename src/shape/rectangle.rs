@@ -42,7 +42,12 @@ impl Plane {
     #[inline]
     pub fn intersect(&self, origin: DVec3, dir: DVec3) -> Option<(f32, f64, f64)> {
         let o = origin - self.centre;
-        let t = -o.dot(self.normal) / dir.dot(self.normal);
+        let (height, fall) = (-o.dot(self.normal), dir.dot(self.normal));
+        // Half of all rays lead away from the plane: no division for those.
+        if (height > 0.0) != (fall > 0.0) {
+            return None;
+        }
+        let t = height / fall;
         let rounded = t as f32;
         if !(rounded > 0.0) || !rounded.is_finite() {
             return None;
