@@ -16,6 +16,7 @@ use etendue::desc::{Category, SceneDesc, Value};
 use etendue::film::{Film, LayerSet, PixelSample};
 use etendue::integrator::{CameraSample, Integrator};
 use etendue::light::{Receiver, Target};
+use etendue::material::Scatter;
 use etendue::math::Rgb;
 use etendue::sampling::power_heuristic;
 use etendue::scene::Scene;
@@ -62,7 +63,8 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
         if depth == max_depth {
             break;
         }
-        let hit = scene.interact(&surface, -ray.dir);
+        let mut room = Scatter::default();
+        let hit = scene.interact(&surface, -ray.dir, &mut room);
         let dimension = 100 + depth * 8;
         let u = camera.sampler;
         if let Some(light) = scene.sample_light(&hit, u.get_1d(dimension), u.get_2d(dimension + 1)) {

@@ -20,7 +20,8 @@ impl AmbientOcclusion {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
-        let Some(surface) = first_hit(scene, &mut ray, false, record) else { return out };
+        let Some(hit) = first_hit(scene, &mut ray, false, record) else { return out };
+        let surface = scene.surface(&ray, &hit);
         out.alpha = 1.0;
         first_hit_layers(&mut out, scene, camera, &surface);
         let normal = if surface.ns.dot(ray.dir) > 0.0 { -surface.ns } else { surface.ns };

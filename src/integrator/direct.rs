@@ -6,6 +6,7 @@
 
 use super::{CameraSample, Event, Record, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
+use crate::material::Scatter;
 use crate::math::{Rgb, Vec2};
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
@@ -27,17 +28,19 @@ impl Direct {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
-        let Some(surface) = first_hit(scene, &mut ray, self.hide_emitters, record) else {
+        let Some(first) = first_hit(scene, &mut ray, self.hide_emitters, record) else {
             if !self.hide_emitters {
                 out.rgb = scene.environment(ray.dir);
                 out.alpha = if scene.environment.is_some() { 1.0 } else { 0.0 };
             }
             return out;
         };
+        let surface = scene.surface(&ray, &first);
         out.alpha = 1.0;
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
-        let hit = scene.interact(&surface, -ray.dir);
+        let mut room = Scatter::default();
+        let hit = scene.interact(&surface, -ray.dir, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);
@@ -86,7 +89,7 @@ impl Direct {
         i: u32,
         record: &mut R,
     ) -> Rgb {
-        let (lobe, u): (f32, Vec2) = camera.scatter(&hit.scatter, i);
+        let (lobe, u): (f32, Vec2) = camera.scatter(hit.scatter, i);
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else { return Rgb::ZERO };
         let ray = hit.surface.spawn(sample.wi, 0.0);
         record.counters().scatter_rays += 1;

@@ -22,7 +22,7 @@ use crate::material::Scatter;
 use crate::math::{Ray, Vec2};
 use crate::sampling::Sampler;
 use crate::scene::Scene;
-use crate::shape::SurfacePoint;
+use crate::shape::{Hit, SurfacePoint};
 
 /// How radiance is estimated.
 #[derive(Clone, Debug)]
@@ -189,7 +189,8 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
     if !camera.layers {
         return;
     }
-    let hit = scene.interact(surface, -camera.ray.dir);
+    let mut room = Scatter::default();
+    let hit = scene.interact(surface, -camera.ray.dir, &mut room);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);
@@ -198,20 +199,15 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
 }
 
 /// The first hit of a camera ray; with `skip_lights` it goes through shapes
-/// that emit, as `hide_emitters` asks.
-fn first_hit<R: Record>(
-    scene: &Scene,
-    ray: &mut Ray,
-    skip_lights: bool,
-    record: &mut R,
-) -> Option<SurfacePoint> {
+/// that emit, as `hide_emitters` asks, and `ray` starts behind the last of them.
+fn first_hit<R: Record>(scene: &Scene, ray: &mut Ray, skip_lights: bool, record: &mut R) -> Option<Hit> {
     loop {
         record.counters().camera_rays += 1;
         let hit = scene.closest(ray)?;
-        let surface = scene.surface(ray, &hit);
-        if !(skip_lights && scene.light_of_shape(surface.shape).is_some()) {
-            return Some(surface);
+        if !(skip_lights && scene.light_of_shape(scene.geometry.shape_of(hit.prim)).is_some()) {
+            return Some(hit);
         }
+        let surface = scene.surface(ray, &hit);
         let far = ray.at(ray.t_max);
         let mut next = surface.spawn(ray.dir, ray.time);
         if ray.t_max.is_finite() {

@@ -13,6 +13,7 @@
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::light::Receiver;
+use crate::material::Scatter;
 use crate::math::{Ray, Rgb};
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
@@ -64,9 +65,10 @@ impl Path {
             out.alpha = 1.0;
         }
         let mut seen = false;
+        let mut room = Scatter::default();
         let mut found = first_hit(scene, &mut state.ray, self.hide_emitters, record);
         loop {
-            let Some(surface) = found else {
+            let Some(hit) = found else {
                 record.event(|| Event::Left { direction: state.ray.dir });
                 // As Mitsuba: a hidden environment stays hidden behind holes.
                 if !self.hide_emitters || seen {
@@ -74,6 +76,7 @@ impl Path {
                 }
                 return out;
             };
+            let surface = scene.surface(&state.ray, &hit);
             record.event(|| vertex(&surface, &state));
             if state.bounce == 0 {
                 first_hit_layers(&mut out, scene, camera, &surface);
@@ -86,7 +89,7 @@ impl Path {
                 }
                 return out;
             }
-            let hit = scene.interact(&surface, -state.ray.dir);
+            let hit = scene.interact(&surface, -state.ray.dir, &mut room);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(camera, &hit, &mut state, record) {
                 Some(null) => {
@@ -106,7 +109,7 @@ impl Path {
                 return out;
             }
             record.counters().scatter_rays += 1;
-            found = scene.closest(&state.ray).map(|hit| scene.surface(&state.ray, &hit));
+            found = scene.closest(&state.ray);
         }
     }
 
@@ -188,7 +191,7 @@ impl Path {
         state: &mut State,
         record: &mut R,
     ) -> Option<bool> {
-        let (lobe, u) = camera.scatter(&hit.scatter, state.bounce);
+        let (lobe, u) = camera.scatter(hit.scatter, state.bounce);
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else {
             record.event(|| Event::Absorbed);
             return None;

@@ -10,6 +10,7 @@
 
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
+use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec2};
 use crate::scene::{Interaction, Scene};
 use crate::shape::SurfacePoint;
@@ -39,7 +40,8 @@ impl Whitted {
         record.counters().paths += 1;
         let mut ray = camera.ray;
         match first_hit(scene, &mut ray, self.hide_emitters, record) {
-            Some(surface) => {
+            Some(hit) => {
+                let surface = scene.surface(&ray, &hit);
                 out.alpha = 1.0;
                 first_hit_layers(&mut out, scene, camera, &surface);
                 out.rgb = self.shade(scene, &surface, &ray, (Rgb::ONE, 0), record);
@@ -76,7 +78,8 @@ impl Whitted {
         if bounce + 1 >= self.max_depth {
             return radiance;
         }
-        let hit = scene.interact(surface, -ray.dir);
+        let mut room = Scatter::default();
+        let hit = scene.interact(surface, -ray.dir, &mut room);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
             for index in 0..scene.lights.len() {

@@ -70,21 +70,20 @@ pub struct Point {
 }
 
 impl Material {
-    /// The bsdfs of this material at a point.
-    #[must_use]
+    /// Puts the bsdfs of this material at a point into `out`, and nothing else.
     #[inline]
-    pub fn at(&self, point: &Point) -> Scatter<'_> {
+    pub fn at<'a>(&'a self, point: &Point, out: &mut Scatter<'a>) {
+        out.clear();
         // Most materials are one surface, perhaps on both sides.
         let (side, frame) = match self {
             Material::TwoSided(front, back) => sided(front, back.as_deref(), point, point.frame),
             other => (other, point.frame),
         };
         if let Material::Surface(surface) = side {
-            return Scatter::one(Lobe::new(1.0, frame, surface.at(point.uv)));
+            out.push(Lobe::new(1.0, frame, surface.at(point.uv)));
+        } else {
+            self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), out);
         }
-        let mut scatter = Scatter::default();
-        self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), &mut scatter);
-        scatter
     }
 
     /// Adds this material's lobes, each with the weight, frame and

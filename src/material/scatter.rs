@@ -23,11 +23,15 @@ pub struct Lobe<'a> {
     pub bsdf: Bsdf<'a>,
 }
 
-/// The flattened material of a hit.
+/// The flattened material of a hit. Large, so it is filled in place and used
+/// again for the next hit of a path.
 #[derive(Clone, Debug, Default)]
 pub struct Scatter<'a> {
-    lobes: SmallVec<[Lobe<'a>; 1]>,
+    lobes: SmallVec<[Lobe<'a>; FEW]>,
 }
+
+/// Lobes that need no memory from the heap.
+const FEW: usize = 4;
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,14 +99,14 @@ impl<'a> Lobe<'a> {
 }
 
 impl<'a> Scatter<'a> {
-    /// A single lobe.
-    #[must_use]
+    /// Removes all lobes.
     #[inline]
-    pub fn one(lobe: Lobe<'a>) -> Scatter<'a> {
-        Scatter { lobes: SmallVec::from_buf([lobe]) }
+    pub fn clear(&mut self) {
+        self.lobes.clear();
     }
 
     /// Adds a lobe.
+    #[inline(always)]
     pub fn push(&mut self, lobe: Lobe<'a>) {
         self.lobes.push(lobe);
     }

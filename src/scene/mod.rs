@@ -77,18 +77,18 @@ struct Traits {
 
 /// A hit with everything that shading needs.
 #[derive(Clone, Debug)]
-pub struct Interaction<'a> {
+pub struct Interaction<'a, 's> {
     /// The surface point.
     pub surface: &'a SurfacePoint,
     /// Unit direction towards where the path came from.
     pub wo: Vec3,
     /// The material's lobes.
-    pub scatter: Scatter<'a>,
+    pub scatter: &'a Scatter<'s>,
     /// Light from below the shading normal may count.
     pub two_sided: bool,
 }
 
-impl Interaction<'_> {
+impl Interaction<'_, '_> {
     /// The point as lights see it.
     #[must_use]
     pub fn receiver(&self) -> Receiver {
@@ -125,12 +125,15 @@ impl Scene {
         self.geometry.surface(ray, hit)
     }
 
-    /// The material's lobes at a surface point.
-    #[must_use]
+    /// A surface point with its material's lobes, which are put into `room`.
     #[inline]
-    pub fn interact<'a>(&'a self, surface: &'a SurfacePoint, wo: Vec3) -> Interaction<'a> {
+    pub fn interact<'a, 's>(
+        &'s self,
+        surface: &'a SurfacePoint,
+        wo: Vec3,
+        room: &'a mut Scatter<'s>,
+    ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
-        let material = &self.materials[index];
         let Traits { tangents, two_sided } = self.traits[index];
         let frame = if tangents {
             Frame::from_normal_tangent(surface.ns, surface.dpdu)
@@ -139,7 +142,8 @@ impl Scene {
         };
         let point =
             Point { uv: surface.uv, wo, ng: surface.ng, frame, dpdu: surface.dpdu, dpdv: surface.dpdv };
-        Interaction { scatter: material.at(&point), surface, wo, two_sided }
+        self.materials[index].at(&point, room);
+        Interaction { surface, wo, scatter: room, two_sided }
     }
 
     /// The light that a shape is, if it is one.
