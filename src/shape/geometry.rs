@@ -166,7 +166,7 @@ impl Geometry {
             return None;
         }
         let analytic = self.analytic(prim)?;
-        let hit = analytic.intersect(probe.origin_f64, probe.dir_f64)?;
+        let hit = analytic.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
         let t = probe.confine(hit.t, &triangle::widen(analytic.bounds()), t_max)?;
         Some(Hit { t, prim, u: hit.u, v: hit.v })
     }
