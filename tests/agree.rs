@@ -7,7 +7,7 @@
 mod common_shape;
 
 use common_shape::{Random, mesh_of, single_mesh, soup};
-use etendue::accel::{Accel, Bvh2};
+use etendue::accel::{Accel, Bvh2, Bvh8, Quality};
 use etendue::desc::Mesh;
 use etendue::math::{DMat4, DQuat, DVec3, Ray, Transform, Vec3};
 use etendue::shape::{Geometry, GeometryBuilder, Hit, MeshOptions};
@@ -33,6 +33,8 @@ fn kinds(geometry: &Geometry) -> Vec<Accel> {
     let mut kinds: Vec<Accel> =
         Accel::NAMES.iter().map(|n| Accel::build_named(Some(n), geometry).unwrap()).collect();
     kinds.push(Bvh2::new(geometry).unwrap().portable().into());
+    kinds.push(Bvh8::new(geometry, Quality::High).unwrap().portable().into());
+    kinds.push(Bvh8::new(geometry, Quality::Fast).unwrap().into());
     assert_eq!(kinds[0].name(), "brute");
     kinds
 }
@@ -249,7 +251,7 @@ fn empty_scenes_and_rays_that_are_none_hit_nothing() {
             count += 1;
         }
     }
-    assert_eq!(count, 3 * 3 * 2 * 3 + 4 * 3);
+    assert_eq!(count, (3 * 3 * 2 + 4) * kinds(&empty).len());
 }
 
 #[test]
@@ -263,13 +265,19 @@ fn unknown_accelerators_are_named() {
 #[test]
 fn trees_do_not_depend_on_the_number_of_threads() {
     let geometry = single_mesh(&soup(&mut Random::new(15), 80_000, 0.01));
-    let trees: Vec<String> = [1, 2, 5]
+    let trees: Vec<[String; 3]> = [1, 2, 7]
         .map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let bvh = pool.install(|| Bvh2::new(&geometry)).unwrap();
-            format!("{} {:?}", bvh.fingerprint(), Accel::from(bvh).stats())
+            let bvh2 = pool.install(|| Bvh2::new(&geometry)).unwrap();
+            let bvh8 = |quality| {
+                let bvh = pool.install(|| Bvh8::new(&geometry, quality)).unwrap();
+                format!("{} {:?}", bvh.fingerprint(), Accel::from(bvh).stats())
+            };
+            let fingerprint = format!("{} {:?}", bvh2.fingerprint(), Accel::from(bvh2).stats());
+            [fingerprint, bvh8(Quality::Fast), bvh8(Quality::High)]
         })
         .into();
+    assert_ne!(trees[0][1], trees[0][2], "the optimiser did nothing");
     assert_eq!(trees[0], trees[1]);
     assert_eq!(trees[0], trees[2]);
 }

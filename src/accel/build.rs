@@ -1,252 +1,399 @@
 //! Builds a binary tree of boxes by the binned surface area heuristic (Wald
 //! 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies").
 //!
-//! The tree depends on nothing but the boxes: halves are built in parallel but
-//! joined in order, and bins are summed in parallel by operations that are
-//! exact and associative. Costs are ratios of areas in f64, so a scene scaled
-//! by a power of two gives the same tree.
+//! The tree depends on nothing but the boxes: a split between items m - 1 and
+//! m puts its two nodes into slots 2m and 2m + 1, so that threads write to
+//! parts of one array that are fixed beforehand; bins are summed in parallel
+//! by operations that are exact and associative. Areas are taken relative to
+//! a power of two close to the size of the node, so a scene scaled by a power
+//! of two gives the same tree.
 
+use glam::Vec4;
 use rayon::prelude::*;
 
-use crate::math::Bounds;
+use crate::math::{Bounds, Vec3};
 
-/// The most primitives of a leaf.
-pub const MAX_LEAF: usize = 4;
 /// Below this depth halves are split in the middle, which bounds the depth of
 /// any tree by [`MAX_DEPTH`].
 const MEDIAN_DEPTH: usize = 48;
 /// No tree is deeper: 2³² primitives halve 32 times.
 pub const MAX_DEPTH: usize = MEDIAN_DEPTH + 33;
+/// The most bins of an axis.
 const BINS: usize = 16;
-/// Cost of visiting a node, in triangle tests.
-const NODE_COST: f64 = 1.0;
 /// Sizes from which work is shared between threads.
 const PARALLEL_BUILD: usize = 4096;
 const PARALLEL_BINS: usize = 1 << 16;
 
-/// A primitive to be put into the tree.
+/// Four-component boxes: the fourth component of the lower corner of an item
+/// carries its primitive and is otherwise of no meaning.
 #[derive(Clone, Copy, Debug)]
-pub struct Item {
-    pub bounds: Bounds,
-    pub prim: u32,
+pub struct Box4 {
+    pub min: Vec4,
+    pub max: Vec4,
 }
 
-impl Item {
-    fn centre(&self, axis: usize) -> f32 {
-        self.bounds.min[axis] * 0.5 + self.bounds.max[axis] * 0.5
+impl Box4 {
+    pub const EMPTY: Box4 = Box4 { min: Vec4::INFINITY, max: Vec4::NEG_INFINITY };
+
+    #[inline(always)]
+    pub fn union(self, other: Box4) -> Box4 {
+        Box4 { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    #[inline(always)]
+    fn grow(self, p: Vec4) -> Box4 {
+        Box4 { min: self.min.min(p), max: self.max.max(p) }
+    }
+
+    /// Half the area after scaling.
+    #[inline(always)]
+    pub fn half_area(self, scale: f32) -> f32 {
+        let d = ((self.max - self.min) * scale).to_array();
+        d[0] * d[1] + d[1] * d[2] + d[2] * d[0]
+    }
+
+    /// As a plain box.
+    pub fn bounds(self) -> Bounds {
+        Bounds { min: self.min.truncate(), max: self.max.truncate() }
     }
 }
 
-/// A node of the tree, whatever the layout it will be stored in.
+/// A primitive to be put into the tree.
 #[derive(Clone, Copy, Debug)]
-pub struct BuildNode {
-    pub bounds: [Bounds; 2],
-    pub children: [Child; 2],
+pub struct Item(Box4);
+
+impl Item {
+    /// A primitive and its box.
+    #[inline]
+    pub fn new(bounds: Bounds, prim: u32) -> Item {
+        Item(Box4 { min: bounds.min.extend(f32::from_bits(prim)), max: bounds.max.extend(0.0) })
+    }
+
+    /// The primitive.
+    #[inline(always)]
+    pub fn prim(&self) -> u32 {
+        self.0.min.w.to_bits()
+    }
+
+    /// Twice its centre.
+    #[inline(always)]
+    fn centre(&self) -> Vec4 {
+        self.0.min + self.0.max
+    }
 }
 
-/// What a child of a node is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Child {
-    /// Index of a node.
-    Node(u32),
-    /// A range of the items.
-    Leaf { first: u32, count: u32 },
+/// A node of the tree, whatever the layout it will be stored in. A leaf holds
+/// the items `first .. first + count`; an inner node has the count 0 and its
+/// children in the slots `first` and `first + 1`.
+#[derive(Clone, Copy, Debug)]
+pub struct TreeNode {
+    pub min: Vec3,
+    pub first: u32,
+    pub max: Vec3,
+    pub count: u32,
 }
 
-/// Sorts the items into the order of the leaves and gives the nodes, depth
-/// first. The root is a leaf when no node is worth it.
-pub fn build(items: &mut [Item]) -> (Vec<BuildNode>, Child) {
-    let mut nodes = Vec::new();
-    let root = subtree(items, 0, 0, &mut nodes);
-    (nodes, root)
+impl TreeNode {
+    const UNUSED: TreeNode = TreeNode { min: Vec3::INFINITY, first: 0, max: Vec3::NEG_INFINITY, count: 0 };
+
+    #[inline(always)]
+    pub fn bounds(&self) -> Bounds {
+        Bounds { min: self.min, max: self.max }
+    }
+
+    #[inline(always)]
+    pub fn is_leaf(&self) -> bool {
+        self.count != 0
+    }
 }
 
-fn subtree(items: &mut [Item], first: u32, depth: usize, nodes: &mut Vec<BuildNode>) -> Child {
-    let Some(middle) = split(items, depth) else {
-        return Child::Leaf { first, count: items.len() as u32 };
+/// A binary tree over items that have been sorted into the order of its leaves.
+#[derive(Clone, Debug)]
+pub struct Tree {
+    /// The root is in slot 0; slot 1 and others may be unused. Empty when there
+    /// are no items.
+    pub nodes: Vec<TreeNode>,
+}
+
+impl Tree {
+    /// The same tree without unused slots, each pair of children after its
+    /// parent, depth first. Slot 1 stays unused, so that pairs begin at even
+    /// slots.
+    pub fn compact(&self) -> Tree {
+        let Some(root) = self.nodes.first() else { return self.clone() };
+        let mut nodes = Vec::with_capacity(self.nodes.len());
+        nodes.extend([*root, TreeNode::UNUSED]);
+        let mut stack = vec![0usize];
+        while let Some(at) = stack.pop() {
+            if nodes[at].is_leaf() {
+                continue;
+            }
+            let first = nodes[at].first as usize;
+            let pair = nodes.len();
+            nodes[at].first = pair as u32;
+            nodes.extend_from_slice(&self.nodes[first..first + 2]);
+            stack.extend([pair + 1, pair]);
+        }
+        Tree { nodes }
+    }
+}
+
+/// What a builder weighs.
+#[derive(Clone, Copy, Debug)]
+pub struct Costs {
+    /// Cost of visiting a node, in leaf blocks.
+    pub node: f32,
+    /// Primitives that are tested at once.
+    pub block: u32,
+    /// The most primitives of a leaf.
+    pub leaf: usize,
+}
+
+/// Sorts the items into the order of the leaves and gives the tree.
+pub fn build(items: &mut [Item], costs: Costs) -> Tree {
+    if items.is_empty() {
+        return Tree { nodes: Vec::new() };
+    }
+    let mut nodes = vec![TreeNode::UNUSED; 2 * items.len()];
+    let (geometry, centres) = all_bounds(items);
+    let part = Part { geometry, centres, first: 0, depth: 0 };
+    let (root, rest) = nodes.split_at_mut(2);
+    root[0] = subtree(&part, items, rest, costs);
+    Tree { nodes }
+}
+
+/// A range of items with the box of them and of twice their centres.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    geometry: Box4,
+    centres: Box4,
+    first: u32,
+    depth: usize,
+}
+
+fn subtree(part: &Part, items: &mut [Item], slots: &mut [TreeNode], costs: Costs) -> TreeNode {
+    let Bounds { min, max } = part.geometry.bounds();
+    let count = items.len();
+    let Some((middle, parts)) = split(part, items, costs) else {
+        return TreeNode { min, max, first: part.first, count: count as u32 };
     };
-    let index = nodes.len();
-    let parallel = items.len() >= PARALLEL_BUILD;
     let (left, right) = items.split_at_mut(middle);
-    let bounds = [bounds_of(left), bounds_of(right)];
-    nodes.push(BuildNode { bounds, children: [Child::Node(0); 2] });
-    let right_first = first + middle as u32;
-    let children = if parallel {
-        let mut right_nodes = Vec::new();
-        let (a, b) = rayon::join(
-            || subtree(left, first, depth + 1, nodes),
-            || subtree(right, right_first, depth + 1, &mut right_nodes),
-        );
-        let base = nodes.len() as u32;
-        let moved = |child| match child {
-            Child::Node(i) => Child::Node(i + base),
-            leaf @ Child::Leaf { .. } => leaf,
-        };
-        nodes.extend(right_nodes.iter().map(|n| BuildNode { children: n.children.map(moved), ..*n }));
-        [a, moved(b)]
-    } else {
-        let a = subtree(left, first, depth + 1, nodes);
-        [a, subtree(right, right_first, depth + 1, nodes)]
+    let (left_slots, rest) = slots.split_at_mut(2 * middle - 2);
+    let (own, right_slots) = rest.split_at_mut(2);
+    let mut a = || subtree(&parts[0], left, left_slots, costs);
+    let mut b = || subtree(&parts[1], right, right_slots, costs);
+    let children = if count >= PARALLEL_BUILD { rayon::join(a, b) } else { (a(), b()) };
+    own.copy_from_slice(&[children.0, children.1]);
+    TreeNode { min, max, first: 2 * (part.first + middle as u32), count: 0 }
+}
+
+/// Boxes of all items and of twice their centres.
+fn all_bounds(items: &[Item]) -> (Box4, Box4) {
+    let one = |items: &[Item]| {
+        items.iter().fold((Box4::EMPTY, Box4::EMPTY), |(geometry, centres), item| {
+            (geometry.union(item.0), centres.grow(item.centre()))
+        })
     };
-    nodes[index].children = children;
-    Child::Node(index as u32)
+    items
+        .par_chunks(PARALLEL_BINS / 4)
+        .map(one)
+        .reduce(|| (Box4::EMPTY, Box4::EMPTY), |a, b| (a.0.union(b.0), a.1.union(b.1)))
 }
 
-fn bounds_of(items: &[Item]) -> Bounds {
-    items.iter().fold(Bounds::EMPTY, |b, item| b.union(item.bounds))
-}
-
-/// Puts the items into two parts and gives the size of the first; `None` when
-/// they are better off as a leaf.
-fn split(items: &mut [Item], depth: usize) -> Option<usize> {
+/// Puts the items into two parts and gives the size of the first and both;
+/// `None` when they are better off as a leaf.
+fn split(part: &Part, items: &mut [Item], costs: Costs) -> Option<(usize, [Part; 2])> {
     let count = items.len();
     if count <= 1 {
         return None;
     }
-    let centres = centre_bounds(items);
-    if depth < MEDIAN_DEPTH
-        && let Some(plane) = best_plane(items, &centres)
+    if part.depth < MEDIAN_DEPTH
+        && let Some(binning) = Binning::new(part, count)
+        && let Some(plane) = binning.best_plane(items, costs)
     {
-        let leaf_cost = count as f64;
-        if count <= MAX_LEAF && leaf_cost <= plane.cost {
+        if count <= costs.leaf && plane.saving <= 0.0 {
             return None;
         }
-        return Some(partition(items, |item| plane.bin(item) <= plane.last));
+        return Some(partition(part, items, &binning, &plane));
     }
-    if count <= MAX_LEAF {
-        return None;
-    }
-    // All centres coincide, or the tree is too deep: halve.
-    let extent = centres.extent();
-    let axis = (0..3).fold(0, |best, axis| if extent[axis] > extent[best] { axis } else { best });
-    items.select_nth_unstable_by(count / 2, |a, b| {
-        a.centre(axis).total_cmp(&b.centre(axis)).then(a.prim.cmp(&b.prim))
-    });
-    Some(count / 2)
+    if count <= costs.leaf { None } else { Some(halve(part, items)) }
 }
 
-fn centre_bounds(items: &[Item]) -> Bounds {
-    let grow = |b: Bounds, item: &Item| b.grow(item.bounds.centre());
-    if items.len() < PARALLEL_BINS {
-        return items.iter().fold(Bounds::EMPTY, grow);
-    }
-    let chunks = items.par_chunks(PARALLEL_BINS / 4).map(|chunk| chunk.iter().fold(Bounds::EMPTY, grow));
-    chunks.reduce(|| Bounds::EMPTY, Bounds::union)
+/// All centres coincide, or the tree is too deep: halves along the longest
+/// axis of the centres.
+fn halve(part: &Part, items: &mut [Item]) -> (usize, [Part; 2]) {
+    let extent = part.centres.bounds().extent();
+    let axis = (0..3).fold(0, |best, axis| if extent[axis] > extent[best] { axis } else { best });
+    let middle = items.len() / 2;
+    items.select_nth_unstable_by(middle, |a, b| {
+        a.centre()[axis].total_cmp(&b.centre()[axis]).then(a.prim().cmp(&b.prim()))
+    });
+    let (left, right) = items.split_at(middle);
+    let make = |items: &[Item], first: u32| {
+        let (geometry, centres) = all_bounds(items);
+        Part { geometry, centres, first, depth: part.depth + 1 }
+    };
+    (middle, [make(left, part.first), make(right, part.first + middle as u32)])
+}
+
+/// How centres become bins.
+#[derive(Clone, Copy, Debug)]
+struct Binning {
+    low: Vec4,
+    scale: Vec4,
+    bins: usize,
+    /// What areas are multiplied by, per length.
+    area_scale: f32,
+    area: f32,
 }
 
 /// A plane between bins: those up to `last` are on its left.
 #[derive(Clone, Copy, Debug)]
 struct Plane {
     axis: usize,
-    low: f32,
-    scale: f64,
-    last: usize,
-    cost: f64,
-}
-
-impl Plane {
-    fn bin(&self, item: &Item) -> usize {
-        bin_of(item.centre(self.axis), self.low, self.scale)
-    }
-}
-
-fn bin_of(centre: f32, low: f32, scale: f64) -> usize {
-    (((f64::from(centre) - f64::from(low)) * scale) as usize).min(BINS - 1)
+    last: u32,
+    /// What is saved compared with a leaf.
+    saving: f32,
+    boxes: [Box4; 2],
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Bin {
-    bounds: Bounds,
-    count: usize,
+    bounds: Box4,
+    count: u32,
 }
 
-const NO_BIN: Bin = Bin { bounds: Bounds::EMPTY, count: 0 };
+const NO_BIN: Bin = Bin { bounds: Box4::EMPTY, count: 0 };
 
 impl Bin {
+    #[inline(always)]
     fn join(self, other: Bin) -> Bin {
         Bin { bounds: self.bounds.union(other.bounds), count: self.count + other.count }
     }
+}
 
-    /// Area times count: what the heuristic sums. Zero when empty.
-    fn weight(&self) -> f64 {
-        if self.count == 0 { 0.0 } else { half_area(&self.bounds) * self.count as f64 }
+/// Bins of all three axes.
+type Bins = [[Bin; 3]; BINS];
+
+impl Binning {
+    /// `None` when centres coincide or are beyond the range of f32.
+    fn new(part: &Part, count: usize) -> Option<Binning> {
+        // Just below the number of bins, so that rounding cannot reach the next.
+        let bins = (4 + count / 4).min(BINS);
+        let width = bins as f32 * (1.0 - 1e-6);
+        let extent = part.centres.bounds().extent();
+        let scale = |x: f32| if x > 0.0 && (width / x).is_finite() { width / x } else { 0.0 };
+        let scales = Vec4::new(scale(extent.x), scale(extent.y), scale(extent.z), 0.0);
+        let size = part.geometry.bounds().extent().max_element();
+        if scales == Vec4::ZERO || !extent.is_finite() || !size.is_finite() {
+            return None;
+        }
+        // 1 / size, rounded to a power of two by dropping the mantissa.
+        let area_scale = f32::from_bits((1.0 / size).to_bits() & 0x7f80_0000);
+        let area = part.geometry.half_area(area_scale);
+        (area > 0.0 && area.is_finite()).then_some(Binning {
+            low: part.centres.min,
+            scale: scales,
+            bins,
+            area_scale,
+            area,
+        })
     }
-}
 
-/// In f64: areas of extreme scenes leave the range of f32.
-fn half_area(bounds: &Bounds) -> f64 {
-    let d = bounds.extent().as_dvec3();
-    d.x * d.y + d.y * d.z + d.z * d.x
-}
-
-/// The cheapest plane over all axes, the first one among equals.
-fn best_plane(items: &[Item], centres: &Bounds) -> Option<Plane> {
-    let extent = centres.extent();
-    let mut best: Option<Plane> = None;
-    for axis in 0..3 {
-        let scale = BINS as f64 / f64::from(extent[axis]);
-        if !(extent[axis] > 0.0) || !scale.is_finite() {
-            continue;
-        }
-        let low = centres.min[axis];
-        let bins = fill(items, |item| bin_of(item.centre(axis), low, scale));
-        let total = bins.iter().fold(NO_BIN, |a, b| a.join(*b));
-        let area = half_area(&total.bounds);
-
-        // Weights of everything right of each plane, then sweep from the left.
-        let mut right = [0.0; BINS];
-        let mut sum = NO_BIN;
-        for i in (1..BINS).rev() {
-            sum = sum.join(bins[i]);
-            right[i - 1] = sum.weight();
-        }
-        let mut left = NO_BIN;
-        for last in 0..BINS - 1 {
-            left = left.join(bins[last]);
-            if left.count == 0 || left.count == items.len() {
-                continue;
-            }
-            let cost = NODE_COST + (left.weight() + right[last]) / area;
-            let cost = if cost.is_finite() { cost } else { f64::MAX };
-            if best.is_none_or(|b| cost < b.cost) {
-                best = Some(Plane { axis, low, scale, last, cost });
-            }
-        }
+    /// The bin of an item along each axis; the fourth is of no meaning.
+    #[inline(always)]
+    fn bins_of(&self, item: &Item) -> [u32; 4] {
+        // Adding 1.5·2^23 leaves the rounded integer in the low bits.
+        let place = (item.centre() - self.low) * self.scale + Vec4::splat(-0.5) + Vec4::splat(12_582_912.0);
+        place.to_array().map(|x| x.to_bits() & (BINS as u32 - 1))
     }
-    best
-}
 
-fn fill(items: &[Item], bin: impl Fn(&Item) -> usize + Sync) -> [Bin; BINS] {
-    let one = |items: &[Item]| {
-        let mut bins = [NO_BIN; BINS];
+    fn fill(&self, items: &[Item]) -> Bins {
+        let mut bins = [[NO_BIN; 3]; BINS];
         for item in items {
-            let i = bin(item);
-            bins[i] = bins[i].join(Bin { bounds: item.bounds, count: 1 });
+            let index = self.bins_of(item);
+            for axis in 0..3 {
+                let bin = &mut bins[index[axis] as usize][axis];
+                bin.bounds = bin.bounds.union(item.0);
+                bin.count += 1;
+            }
         }
         bins
-    };
-    if items.len() < PARALLEL_BINS {
-        return one(items);
     }
-    items.par_chunks(PARALLEL_BINS / 4).map(one).reduce(
-        || [NO_BIN; BINS],
-        |mut a, b| {
-            a.iter_mut().zip(b).for_each(|(a, b)| *a = a.join(b));
+
+    fn fill_all(&self, items: &[Item]) -> Bins {
+        if items.len() < PARALLEL_BINS {
+            return self.fill(items);
+        }
+        let join = |mut a: Bins, b: Bins| {
+            a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a = a.join(*b));
             a
-        },
-    )
+        };
+        items.par_chunks(PARALLEL_BINS / 4).map(|chunk| self.fill(chunk)).reduce(|| [[NO_BIN; 3]; BINS], join)
+    }
+
+    /// The cheapest plane over all axes, the first one among equals.
+    fn best_plane(&self, items: &[Item], costs: Costs) -> Option<Plane> {
+        let bins = self.fill_all(items);
+        let count = items.len() as u32;
+        let mut best: Option<(f32, usize, usize)> = None;
+        for axis in (0..3).filter(|axis| self.scale[*axis] > 0.0) {
+            // Weights of everything right of each plane, then sweep from the left.
+            let mut right = [0.0; BINS];
+            let mut sum = NO_BIN;
+            for i in (1..self.bins).rev() {
+                sum = sum.join(bins[i][axis]);
+                right[i - 1] = self.weight(&sum, costs);
+            }
+            let mut left = NO_BIN;
+            for last in 0..self.bins - 1 {
+                left = left.join(bins[last][axis]);
+                if left.count == 0 || left.count == count {
+                    continue;
+                }
+                let weight = self.weight(&left, costs) + right[last];
+                if best.is_none_or(|b| weight < b.0) {
+                    best = Some((weight, axis, last));
+                }
+            }
+        }
+        let (weight, axis, last) = best?;
+        let over = |range: std::ops::Range<usize>| {
+            bins[range].iter().fold(NO_BIN, |sum, bin| sum.join(bin[axis])).bounds
+        };
+        let boxes = [over(0..last + 1), over(last + 1..self.bins)];
+        let saving = (count.div_ceil(costs.block) as f32 - costs.node) * self.area - weight;
+        Some(Plane { axis, last: last as u32, saving, boxes })
+    }
+
+    /// Area times blocks: what the heuristic sums. Zero when empty.
+    #[inline(always)]
+    fn weight(&self, bin: &Bin, costs: Costs) -> f32 {
+        if bin.count == 0 {
+            return 0.0;
+        }
+        bin.bounds.half_area(self.area_scale) * bin.count.div_ceil(costs.block) as f32
+    }
 }
 
-/// Moves the items that are on the left to the front and counts them.
-fn partition(items: &mut [Item], is_left: impl Fn(&Item) -> bool) -> usize {
-    let (mut low, mut high) = (0, items.len());
-    while low < high {
-        if is_left(&items[low]) {
-            low += 1;
-        } else {
-            high -= 1;
-            items.swap(low, high);
-        }
+/// Moves the items that are on the left to the front.
+fn partition(part: &Part, items: &mut [Item], binning: &Binning, plane: &Plane) -> (usize, [Part; 2]) {
+    let mut centres = [Box4::EMPTY; 2];
+    let mut middle = 0;
+    for i in 0..items.len() {
+        let item = items[i];
+        let is_right = binning.bins_of(&item)[plane.axis] > plane.last;
+        let side = &mut centres[usize::from(is_right)];
+        *side = side.grow(item.centre());
+        items[i] = items[middle];
+        items[middle] = item;
+        middle += usize::from(!is_right);
     }
-    low
+    let make = |side: usize, first: u32| Part {
+        geometry: plane.boxes[side],
+        centres: centres[side],
+        first,
+        depth: part.depth + 1,
+    };
+    (middle, [make(0, part.first), make(1, part.first + middle as u32)])
 }

@@ -3,8 +3,9 @@
 //! leaves.
 
 use super::Nearest;
-use super::build::{BuildNode, Child, Item, MAX_DEPTH, build};
+use super::build::{Costs, Item, MAX_DEPTH, Tree, TreeNode, build};
 use super::simd::{BoxTest, Portable, Task};
+use super::stats::Stats;
 use crate::desc::{Error, Result};
 use crate::math::{Bounds, Vec3};
 use crate::shape::{Geometry, Hit, RayProbe};
@@ -19,20 +20,6 @@ pub struct Bvh2 {
     stats: Stats,
     #[cfg(target_arch = "x86_64")]
     avx2: Option<super::simd::Avx2>,
-}
-
-/// Numbers about a tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Stats {
-    /// Inner nodes.
-    pub nodes: usize,
-    /// Leaves.
-    pub leaves: usize,
-    /// Nodes on the longest way from the root to a leaf.
-    pub depth: usize,
-    /// Expected number of node visits plus primitive tests of a ray that
-    /// crosses the scene's box.
-    pub cost: f64,
 }
 
 /// Two boxes and what is in them. `planes[axis]` holds the lower planes of both
@@ -59,6 +46,9 @@ const LEAF: u32 = 1 << 31;
 const COUNT_SHIFT: u32 = 29;
 const INDEX_MASK: u32 = (1 << COUNT_SHIFT) - 1;
 
+/// A node against one primitive test.
+const COSTS: Costs = Costs { node: 1.0, block: 1, leaf: 4 };
+
 /// A primitive in a leaf. Analytic ones leave the vertices unused.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
@@ -72,24 +62,24 @@ impl Bvh2 {
         if geometry.prim_count() > INDEX_MASK {
             return Err(Error::new("more than 2^29 primitives").hint("use instances"));
         }
-        let mut items: Vec<Item> = (0..geometry.prim_count())
-            .map(|prim| Item { bounds: geometry.prim_bounds(prim), prim })
-            .collect();
-        let (tree, root) = build(&mut items);
+        let mut items: Vec<Item> =
+            (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
+        let tree = build(&mut items, COSTS);
         let entries: Vec<Entry> = items
             .iter()
             .map(|item| Entry {
-                vertices: geometry.triangle(item.prim).unwrap_or([Vec3::ZERO; 3]),
-                prim: item.prim,
+                vertices: geometry.triangle(item.prim()).unwrap_or([Vec3::ZERO; 3]),
+                prim: item.prim(),
             })
             .collect();
-        let nodes = tree.iter().map(|n| Node::new(n.bounds, n.children.map(reference))).collect();
+        let mut nodes = Vec::new();
+        let root = tree.nodes.first().map(|root| store(&tree, root, &mut nodes));
         Ok(Bvh2 {
             nodes,
-            root: (!entries.is_empty()).then(|| reference(root)),
+            root,
             entries,
             bounds: geometry.bounds(),
-            stats: stats(&tree, root, &geometry.bounds()),
+            stats: Stats::of_binary(&tree),
             #[cfg(target_arch = "x86_64")]
             avx2: super::simd::Avx2::detect(),
         })
@@ -163,11 +153,17 @@ fn test_entry(entry: &Entry, geometry: &Geometry, probe: &RayProbe, limit: f32) 
     }
 }
 
-fn reference(child: Child) -> Reference {
-    match child {
-        Child::Node(index) => index,
-        Child::Leaf { first, count } => LEAF | ((count.max(1) - 1) << COUNT_SHIFT) | first,
+/// Stores what is below a node, depth first, and gives the reference to it.
+fn store(tree: &Tree, node: &TreeNode, nodes: &mut Vec<Node>) -> Reference {
+    if node.is_leaf() {
+        return LEAF | ((node.count - 1) << COUNT_SHIFT) | node.first;
     }
+    let index = nodes.len();
+    let pair = [0, 1].map(|i| &tree.nodes[node.first as usize + i]);
+    nodes.push(Node::new(pair.map(TreeNode::bounds), [0; 2]));
+    let children = pair.map(|child| store(tree, child, nodes));
+    nodes[index].children = children;
+    index as Reference
 }
 
 /// Children still to be visited. Deep enough for every tree: a visit adds at
@@ -289,37 +285,4 @@ impl Task for Occluded<'_> {
         }
         false
     }
-}
-
-fn stats(tree: &[BuildNode], root: Child, bounds: &Bounds) -> Stats {
-    let area = |b: &Bounds| {
-        let d = b.extent().as_dvec3();
-        d.x * d.y + d.y * d.z + d.z * d.x
-    };
-    let whole = area(bounds);
-    let share = |b: &Bounds| if whole > 0.0 { area(b) / whole } else { 0.0 };
-    let mut stats = Stats { nodes: tree.len(), ..Stats::default() };
-    let mut depths = vec![1usize; tree.len()];
-    if let Child::Node(_) = root {
-        stats.cost += 1.0;
-    } else {
-        stats.leaves = 1;
-    }
-    // Parents come before their children.
-    for (i, node) in tree.iter().enumerate() {
-        stats.depth = stats.depth.max(depths[i]);
-        for (child, bounds) in node.children.iter().zip(&node.bounds) {
-            match child {
-                Child::Node(c) => {
-                    depths[*c as usize] = depths[i] + 1;
-                    stats.cost += share(bounds);
-                }
-                Child::Leaf { count, .. } => {
-                    stats.leaves += 1;
-                    stats.cost += share(bounds) * f64::from(*count);
-                }
-            }
-        }
-    }
-    stats
 }

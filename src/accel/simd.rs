@@ -60,7 +60,7 @@ impl BoxTest for Portable {
         PortableRay {
             origin: probe.origin.to_array(),
             inv_dir: probe.inv_dir.to_array(),
-            negative: probe.negative,
+            negative: probe.inv_dir.to_array().map(f32::is_sign_negative),
         }
     }
 
@@ -90,7 +90,8 @@ mod x86 {
 
     use super::{BoxTest, Node, RayProbe, Task};
 
-    /// Proof that the CPU has AVX2.
+    /// Proof that the CPU has AVX2 and the bit counts that came with it: BMI1,
+    /// LZCNT and POPCNT.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2(());
 
@@ -106,7 +107,11 @@ mod x86 {
     impl Avx2 {
         /// The token, when the CPU has AVX2.
         pub fn detect() -> Option<Avx2> {
-            std::arch::is_x86_feature_detected!("avx2").then_some(Avx2(()))
+            let all = std::arch::is_x86_feature_detected!("avx2")
+                && std::arch::is_x86_feature_detected!("bmi1")
+                && std::arch::is_x86_feature_detected!("lzcnt")
+                && std::arch::is_x86_feature_detected!("popcnt");
+            all.then_some(Avx2(()))
         }
 
         /// Does a task compiled for AVX2.
@@ -143,7 +148,7 @@ mod x86 {
     fn prepare(probe: &RayProbe) -> Avx2Ray {
         let straight = _mm_setr_epi32(0, 1, 2, 3);
         let crossed = _mm_setr_epi32(2, 3, 0, 1);
-        let order = |axis: usize| if probe.negative[axis] { crossed } else { straight };
+        let order = |axis: usize| if probe.inv_dir[axis].is_sign_negative() { crossed } else { straight };
         let (o, i) = (probe.origin, probe.inv_dir);
         Avx2Ray {
             origin: [_mm_set1_ps(o.x), _mm_set1_ps(o.y), _mm_set1_ps(o.z)],

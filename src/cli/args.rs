@@ -48,14 +48,17 @@ pub struct SceneArgs {
     /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
-    /// Accelerator: bvh2 or brute.
+    /// Accelerator: bvh8, bvh2 or brute.
     #[arg(long, value_name = "NAME")]
     pub accel: Option<String>,
+    /// Quality of the tree of bvh8: fast to build, or high (the default) to trace.
+    #[arg(long, value_name = "QUALITY")]
+    pub bvh: Option<String>,
 }
 
 impl SceneArgs {
     pub fn build_options(&self) -> BuildOptions {
-        BuildOptions { size: self.size, crop: self.crop, accel: self.accel.clone() }
+        BuildOptions { size: self.size, crop: self.crop, accel: self.accel.clone(), bvh: self.bvh.clone() }
     }
 
     pub fn integrator_options(&self) -> IntegratorOptions {

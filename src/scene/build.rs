@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene, Traits};
-use crate::accel::Accel;
+use crate::accel::{Accel, Quality};
 use crate::camera::{Camera, FilmSize, camera_position};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
@@ -273,7 +273,8 @@ impl Builder<'_> {
 
     fn finish(mut self, camera: Camera, film: FilmSpec, spp: u64, options: &BuildOptions) -> Result<Scene> {
         let geometry = std::mem::take(&mut self.geometry).finish();
-        let accel = Accel::build_named(options.accel.as_deref(), &geometry)?;
+        let accel =
+            Accel::build(options.accel.as_deref(), Quality::named(options.bvh.as_deref())?, &geometry)?;
         let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
         // An environment alone has no size to go by.
         let radius = Some(f64::from(accel.bounds().bounding_sphere().1)).filter(|r| *r > 0.0).unwrap_or(1.0);

@@ -31,6 +31,8 @@ pub struct BuildOptions {
     pub crop: Option<[u32; 4]>,
     /// Name of the accelerator; `None` is the default one.
     pub accel: Option<String>,
+    /// Name of the quality of its tree; `None` is the default one.
+    pub bvh: Option<String>,
 }
 
 /// Marks "no light" in [`Scene::light_of_shape`].

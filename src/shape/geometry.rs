@@ -173,7 +173,7 @@ impl Geometry {
             return None;
         }
         let index = (prim as usize).checked_sub(self.triangles.len())?;
-        let hit = self.analytic.get(index)?.intersect(probe.origin_f64, probe.dir_f64)?;
+        let hit = self.analytic.get(index)?.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
         let t = probe.confine(hit.t, &self.analytic_bounds[index], t_max)?;
         Some(Hit { t, prim, u: hit.u, v: hit.v })
     }

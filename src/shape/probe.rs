@@ -1,7 +1,7 @@
 //! What is computed once per ray: reciprocal direction for boxes, shear for
 //! triangles.
 
-use crate::math::{Bounds, DVec3, Ray, Vec3, gamma};
+use crate::math::{Bounds, Ray, Vec3, gamma};
 
 /// A ray made ready to be tested against boxes and triangles.
 ///
@@ -14,31 +14,25 @@ use crate::math::{Bounds, DVec3, Ray, Vec3, gamma};
 pub struct RayProbe {
     /// Origin.
     pub origin: Vec3,
-    /// 1 / direction, per axis; ±∞ where the direction is ±0.
+    /// Direction.
+    pub dir: Vec3,
+    /// 1 / direction, per axis; ±∞ where the direction is ±0. Its sign says
+    /// which faces of a box the ray meets first.
     pub inv_dir: Vec3,
-    /// For each axis, whether the direction points to smaller coordinates
-    /// (including -0).
-    pub negative: [bool; 3],
     /// End of the ray.
     pub t_max: f32,
     /// First primitive to leave out.
     pub skip: u32,
     /// Second primitive to leave out.
     pub skip_end: u32,
-    /// The same in f64.
-    pub(crate) origin_f64: DVec3,
-    pub(crate) dir_f64: DVec3,
-    /// The axis along which the direction is longest becomes z.
-    axis: Axis,
-    /// (dir.x / dir.z, dir.y / dir.z, 1 / dir.z) after that permutation.
-    pub(crate) shear: Vec3,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Axis {
-    X,
-    Y,
-    Z,
+    /// The axes, turned so that the one along which the direction is longest
+    /// is the third. Each is below 3.
+    pub(crate) axes: [u8; 3],
+    /// Origin and 1 / direction, so turned.
+    pub(crate) turned_origin: [f32; 3],
+    pub(crate) turned_inv_dir: [f32; 3],
+    /// (dir.x / dir.z, dir.y / dir.z, 1 / dir.z), so turned.
+    pub(crate) shear: [f32; 3],
 }
 
 impl RayProbe {
@@ -49,32 +43,35 @@ impl RayProbe {
     /// direction is zero, or its interval is empty or NaN: such a ray hits
     /// nothing.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn new(ray: &Ray) -> Option<RayProbe> {
-        let d = ray.dir;
-        if !(d.is_finite() && ray.origin.is_finite() && d != Vec3::ZERO && ray.t_max > 0.0) {
+        // Without branches: for rays at random they cannot be foreseen.
+        let (d, a, o) = (ray.dir, ray.dir.abs(), ray.origin.abs());
+        const END: f32 = f32::INFINITY;
+        let finite = (a.x < END) & (a.y < END) & (a.z < END) & (o.x < END) & (o.y < END) & (o.z < END);
+        let x = (a.x > a.y) & (a.x > a.z);
+        let y = !x & (a.y > a.z);
+        let axes = AXES[usize::from(x) + 2 * usize::from(y)];
+        let turn = |v: Vec3| {
+            let v = [v.x, v.y, v.z, 0.0];
+            axes.map(|axis| v[usize::from(axis & 3)])
+        };
+        let inv_dir = d.recip();
+        let ([x, y, z], turned_inv_dir) = (turn(d), turn(inv_dir));
+        if !(finite & (z != 0.0) & (ray.t_max > 0.0)) {
             return None;
         }
-        let a = d.abs();
-        let axis = if a.x > a.y && a.x > a.z {
-            Axis::X
-        } else if a.y > a.z {
-            Axis::Y
-        } else {
-            Axis::Z
-        };
-        let p = axis.permute(d);
         Some(RayProbe {
             origin: ray.origin,
-            inv_dir: d.recip(),
-            negative: [d.x.is_sign_negative(), d.y.is_sign_negative(), d.z.is_sign_negative()],
+            dir: d,
+            inv_dir,
             t_max: ray.t_max,
             skip: ray.skip,
             skip_end: ray.skip_end,
-            origin_f64: ray.origin.as_dvec3(),
-            dir_f64: d.as_dvec3(),
-            axis,
-            shear: Vec3::new(p.x / p.z, p.y / p.z, 1.0 / p.z),
+            axes,
+            turned_origin: turn(ray.origin),
+            turned_inv_dir,
+            shear: [x / z, y / z, turned_inv_dir[2]],
         })
     }
 
@@ -94,8 +91,11 @@ impl RayProbe {
         let upper = (bounds.max - self.origin) * self.inv_dir;
         let (mut near, mut far) = (0.0f32, f32::INFINITY);
         for axis in 0..3 {
-            let (enter, leave) =
-                if self.negative[axis] { (upper[axis], lower[axis]) } else { (lower[axis], upper[axis]) };
+            let (enter, leave) = if self.inv_dir[axis].is_sign_negative() {
+                (upper[axis], lower[axis])
+            } else {
+                (lower[axis], upper[axis])
+            };
             let leave = leave * RayProbe::FAR_SLACK;
             near = if enter > near { enter } else { near };
             far = if leave < far { leave } else { far };
@@ -117,20 +117,14 @@ impl RayProbe {
         (t > 0.0 && t < t_max).then_some(t)
     }
 
-    /// A vertex relative to the origin, with the axes permuted.
+    /// A vertex relative to the origin, with the axes turned.
     #[inline(always)]
     pub(crate) fn relative(&self, vertex: Vec3) -> Vec3 {
-        self.axis.permute(vertex - self.origin)
+        let v = vertex - self.origin;
+        let v = [v.x, v.y, v.z, 0.0];
+        Vec3::from_array(self.axes.map(|axis| v[usize::from(axis & 3)]))
     }
 }
 
-impl Axis {
-    #[inline(always)]
-    fn permute(self, v: Vec3) -> Vec3 {
-        match self {
-            Axis::X => Vec3::new(v.y, v.z, v.x),
-            Axis::Y => Vec3::new(v.z, v.x, v.y),
-            Axis::Z => v,
-        }
-    }
-}
+/// By whether x is the longest, and whether y is.
+const AXES: [[u8; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 1, 2]];

@@ -17,7 +17,7 @@ use crate::math::{Bounds, DVec3, Vec3, gamma};
 /// is confined to the box.
 #[inline(always)]
 pub fn intersect(probe: &RayProbe, vertices: &[Vec3; 3]) -> Option<(f32, f32, f32)> {
-    let s = probe.shear;
+    let s = Vec3::from_array(probe.shear);
     let (a, b, c) = (probe.relative(vertices[0]), probe.relative(vertices[1]), probe.relative(vertices[2]));
     let (ax, ay) = (a.x - s.x * a.z, a.y - s.y * a.z);
     let (bx, by) = (b.x - s.x * b.z, b.y - s.y * b.z);
@@ -47,8 +47,9 @@ fn exact(scale_z: f32, sheared: [(f32, f32, f32); 3]) -> Option<(f32, f32, f32)>
     if !(det.abs() > 0.0) {
         return None;
     }
-    let t = ((u * az + v * bz + w * cz) / det * f64::from(scale_z)) as f32;
-    (t > 0.0 && t.is_finite()).then_some((t, (v / det) as f32, (w / det) as f32))
+    let inv = 1.0 / det;
+    let t = ((u * az + v * bz + w * cz) * inv * f64::from(scale_z)) as f32;
+    (t > 0.0 && t.is_finite()).then_some((t, (v * inv) as f32, (w * inv) as f32))
 }
 
 /// The box of a triangle, widened by the rounding of the intersection test.

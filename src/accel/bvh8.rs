@@ -1,0 +1,274 @@
+//! A tree of eight boxes per node and blocks of four primitives, after Wald et
+//! al. 2008, "Getting Rid of Packets", and Embree's single-ray traversal.
+//!
+//! A ray meets the eight boxes of a node at once, goes into the nearest and
+//! leaves the others on a stack, nearest on top, each with the distance at
+//! which it begins; when a hit is found, what begins behind it is dropped. A
+//! block is four triangles at once. Both kernels are in `simd8`, in plain Rust
+//! and in AVX2, and give the same bits.
+
+use super::Nearest;
+use super::build::{Costs, Item, build};
+use super::collapse::{Wide, collapse};
+use super::reinsert::{Effort, improve};
+use super::simd8::{Met, Portable, Slots, Stack, WideTask, WideTest};
+use super::stats::{Share, Stats};
+use super::wide::{Block, LANES, Link, WIDTH};
+use crate::desc::{Error, Result};
+use crate::math::Bounds;
+use crate::shape::{Geometry, Hit, RayProbe};
+
+/// An 8-wide bounding volume hierarchy.
+#[derive(Clone, Debug)]
+pub struct Bvh8 {
+    wide: Wide,
+    bounds: Bounds,
+    stats: Stats,
+    #[cfg(target_arch = "x86_64")]
+    avx2: Option<super::simd::Avx2>,
+}
+
+/// How much work goes into a tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// Binned surface area heuristic.
+    Fast,
+    /// The same, then improved by reinsertion.
+    #[default]
+    High,
+}
+
+impl Quality {
+    /// Names in options.
+    pub const NAMES: &'static [&'static str] = &["fast", "high"];
+
+    /// The quality of a name; the best one when there is none.
+    pub fn named(name: Option<&str>) -> Result<Quality> {
+        match name {
+            None => Ok(Quality::default()),
+            Some("fast") => Ok(Quality::Fast),
+            Some("high") => Ok(Quality::High),
+            Some(other) => Err(Error::new(format!("unknown quality `{other}` of a BVH"))
+                .suggest(other, Quality::NAMES.iter().copied())),
+        }
+    }
+}
+
+/// Cost of opening a binary node, in leaf blocks: one box test in eight.
+const COSTS: Costs = Costs { node: 0.3, block: LANES as u32, leaf: LANES };
+/// Cost of visiting a wide node, in leaf blocks.
+const PRICE: f32 = 1.0;
+const EFFORT: Effort = Effort { rounds: 3, share: 0.1 };
+
+impl Bvh8 {
+    /// Builds the tree. Fails when there are 2²⁷ primitives or more.
+    pub fn new(geometry: &Geometry, quality: Quality) -> Result<Bvh8> {
+        if geometry.prim_count() as usize >= Link::MAX {
+            return Err(Error::new("more than 2^27 primitives").hint("use instances"));
+        }
+        let mut items: Vec<Item> =
+            (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
+        let tree = build(&mut items, COSTS).compact();
+        let plain = || collapse(geometry, &items, &tree, PRICE);
+        let wide = match quality {
+            Quality::Fast => plain(),
+            Quality::High => {
+                let mut better = tree.clone();
+                improve(&mut better, EFFORT);
+                // Reinsertion does not bound the depth; the builder does.
+                let wide = collapse(geometry, &items, &better.compact(), PRICE);
+                if wide.fits(Stack::SIZE) { wide } else { plain() }
+            }
+        };
+        Ok(Bvh8 {
+            stats: stats(&wide, &geometry.bounds()),
+            wide,
+            bounds: geometry.bounds(),
+            #[cfg(target_arch = "x86_64")]
+            avx2: super::simd::Avx2::detect(),
+        })
+    }
+
+    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
+        self.run(Closest { wide: &self.wide, geometry, probe })
+    }
+
+    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
+        self.run(Occluded { wide: &self.wide, geometry, probe })
+    }
+
+    pub(super) fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of_val(&*self.wide.nodes) + size_of_val(&*self.wide.blocks)
+    }
+
+    pub(super) fn stats(&self) -> Stats {
+        self.stats
+    }
+
+    /// A number that changes with any bit of the tree: two builds of the same
+    /// geometry have the same (FNV-1a, 64 bits).
+    #[must_use]
+    pub fn fingerprint(&self) -> u64 {
+        let planes = self.wide.nodes.iter().flat_map(|n| n.planes.as_flattened().iter().map(|x| x.to_bits()));
+        let links = self.wide.nodes.iter().flat_map(|n| n.children.map(|c| c.0));
+        let prims = self.wide.blocks.iter().flat_map(|b| b.prims);
+        planes.chain(links).chain(prims).fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
+            (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
+        })
+    }
+
+    /// The same tree without vector instructions: to test that they change
+    /// nothing.
+    #[must_use]
+    pub fn portable(self) -> Bvh8 {
+        #[cfg(target_arch = "x86_64")]
+        return Bvh8 { avx2: None, ..self };
+        #[cfg(not(target_arch = "x86_64"))]
+        return self;
+    }
+
+    #[inline]
+    fn run<T: WideTask>(&self, task: T) -> T::Output {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(avx2) = self.avx2 {
+            return avx2.run_wide(task);
+        }
+        task.run(Portable)
+    }
+}
+
+struct Closest<'a> {
+    wide: &'a Wide,
+    geometry: &'a Geometry,
+    probe: &'a RayProbe,
+}
+
+impl WideTask for Closest<'_> {
+    type Output = Option<Hit>;
+
+    #[inline(always)]
+    fn run<T: WideTest>(self, test: T) -> Option<Hit> {
+        let mut current = self.wide.root?;
+        let ray = test.prepare(self.probe);
+        let mut nearest = Nearest::new(self.probe);
+        let mut slots = Slots::new();
+        let mut stack = Stack::new(&mut slots);
+        loop {
+            if !current.is_leaf() {
+                let node = &self.wide.nodes[current.index()];
+                let (mask, near) = test.boxes(&ray, node, nearest.limit);
+                if mask != 0 {
+                    current = test.descend(mask, near, node, &mut stack);
+                    continue;
+                }
+            } else {
+                let block = &self.wide.blocks[current.index()];
+                let mask = test.candidates(&ray, block, current.triangle_mask());
+                if mask != 0 {
+                    let met = test.triangles(&ray, self.probe, block, mask, nearest.limit);
+                    take_all(&mut nearest, block, &met);
+                }
+                if current.has_analytic() {
+                    for prim in analytic(block, self.geometry) {
+                        if let Some(hit) = self.geometry.intersect_analytic(prim, self.probe, nearest.limit) {
+                            nearest.take(hit);
+                        }
+                    }
+                }
+            }
+            match stack.pop(nearest.limit) {
+                Some(next) => current = next,
+                None => return nearest.hit,
+            }
+        }
+    }
+}
+
+/// Takes all triangles of a block that have been hit.
+#[inline(always)]
+fn take_all(nearest: &mut Nearest, block: &Block, met: &Met) {
+    let mut mask = met.mask;
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize % LANES;
+        mask &= mask - 1;
+        if met.t[lane] < nearest.limit {
+            nearest.take(Hit { t: met.t[lane], prim: block.prims[lane], u: met.u[lane], v: met.v[lane] });
+        }
+    }
+}
+
+/// The analytic primitives of a block.
+fn analytic<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32> + 'a {
+    let first = geometry.triangle_count();
+    block.prims.iter().copied().filter(move |prim| *prim >= first && *prim != Block::NONE)
+}
+
+struct Occluded<'a> {
+    wide: &'a Wide,
+    geometry: &'a Geometry,
+    probe: &'a RayProbe,
+}
+
+impl WideTask for Occluded<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<T: WideTest>(self, test: T) -> bool {
+        let Some(mut current) = self.wide.root else { return false };
+        let ray = test.prepare(self.probe);
+        let limit = self.probe.t_max;
+        let mut slots = Slots::new();
+        let mut stack = Stack::new(&mut slots);
+        loop {
+            if !current.is_leaf() {
+                let node = &self.wide.nodes[current.index()];
+                let (mask, _) = test.boxes(&ray, node, limit);
+                if mask != 0 {
+                    current = test.descend_any(mask, node, &mut stack);
+                    continue;
+                }
+            } else {
+                let block = &self.wide.blocks[current.index()];
+                let mask = test.candidates(&ray, block, current.triangle_mask());
+                if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
+                    return true;
+                }
+                let hit = |prim| self.geometry.intersect_analytic(prim, self.probe, limit).is_some();
+                if current.has_analytic() && analytic(block, self.geometry).any(hit) {
+                    return true;
+                }
+            }
+            match stack.pop_any() {
+                Some(next) => current = next,
+                None => return false,
+            }
+        }
+    }
+}
+
+fn stats(wide: &Wide, bounds: &Bounds) -> Stats {
+    let share = Share::new(bounds);
+    let mut stats = Stats { nodes: wide.nodes.len(), leaves: wide.blocks.len(), ..Stats::default() };
+    // Parents come before their children.
+    let mut depths = vec![1; wide.nodes.len()];
+    stats.cost = if wide.root.is_some() { 1.0 } else { 0.0 };
+    for (i, node) in wide.nodes.iter().enumerate() {
+        stats.depth = stats.depth.max(depths[i]);
+        for lane in 0..WIDTH {
+            let bounds = node.bounds(lane);
+            if bounds.is_empty() {
+                continue;
+            }
+            stats.cost += share.of(&bounds);
+            let child = node.children[lane];
+            if !child.is_leaf() {
+                depths[child.index()] = depths[i] + 1;
+            }
+        }
+    }
+    stats
+}

@@ -1,0 +1,208 @@
+//! Makes a wide tree of a binary one.
+//!
+//! Optimally (Ylitie, Karras, Laine 2017, "Efficient Incoherent Ray Traversal
+//! on GPUs Through Compressed Wide BVHs", section 3.1): with C(n, i) the least
+//! cost of the subtree n as a forest of at most i wide nodes and leaves, and
+//! A(n) its area,
+//!
+//! D(n, i) = min over k of C(left, k) + C(right, i - k),
+//! C(n, 1) = min(A(n) · node + D(n, 8), A(n) · leaf if it fits into one),
+//! C(n, i) = min(C(n, i - 1), D(n, i)).
+
+use super::build::{Item, Tree, TreeNode};
+use super::wide::{Block, LANES, Link, Node8, WIDTH};
+use crate::shape::Geometry;
+
+/// Nodes and blocks of a wide tree. Children of a node follow each other.
+#[derive(Clone, Debug, Default)]
+pub struct Wide {
+    pub nodes: Vec<Node8>,
+    pub blocks: Vec<Block>,
+    pub root: Option<Link>,
+}
+
+/// Collapses a binary tree whose leaves are sorted items, and whose children
+/// come after their parents. `price` is the cost of a node in leaves.
+pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) -> Wide {
+    let source = Source { geometry, items, tree, plan: Plan::new(tree, price) };
+    let mut wide = Wide::default();
+    wide.root = (!tree.nodes.is_empty()).then(|| {
+        if source.plan.is_leaf(0) {
+            return wide.add_leaf(&source, 0);
+        }
+        wide.nodes.push(Node8::EMPTY);
+        wide.fill(&source, 0, 0);
+        Link::node(0)
+    });
+    wide
+}
+
+/// What is collapsed.
+struct Source<'a> {
+    geometry: &'a Geometry,
+    items: &'a [Item],
+    tree: &'a Tree,
+    plan: Plan,
+}
+
+impl Source<'_> {
+    fn node(&self, node: u32) -> &TreeNode {
+        &self.tree.nodes[node as usize]
+    }
+
+    /// The wide children of a node that is no leaf.
+    fn children(&self, node: u32) -> Children {
+        let mut children = Children { nodes: [0; WIDTH], count: 0 };
+        self.plan.split(self.tree, node, WIDTH, &mut children);
+        children
+    }
+
+    /// The primitives below a node that becomes a leaf, by id, which also puts
+    /// triangles before analytic primitives; and how many there are.
+    fn primitives(&self, node: u32) -> ([u32; LANES], usize) {
+        let (mut prims, mut count) = ([Block::NONE; LANES], 0);
+        let mut stack = vec![node];
+        while let Some(node) = stack.pop() {
+            let node = self.node(node);
+            if !node.is_leaf() {
+                stack.extend([node.first, node.first + 1]);
+                continue;
+            }
+            for item in &self.items[node.first as usize..][..node.count as usize] {
+                prims[count] = item.prim();
+                count += 1;
+            }
+        }
+        prims.sort_unstable();
+        (prims, count)
+    }
+}
+
+/// Children of a wide node.
+struct Children {
+    nodes: [u32; WIDTH],
+    count: usize,
+}
+
+impl Children {
+    fn push(&mut self, node: u32) {
+        self.nodes[self.count] = node;
+        self.count += 1;
+    }
+}
+
+impl Wide {
+    /// Whether a stack of this size is enough: a visit leaves all children but
+    /// one on it, and writes eight entries at once.
+    pub fn fits(&self, stack: usize) -> bool {
+        let mut waiting = vec![0usize; self.nodes.len()];
+        let mut most = 0;
+        // Parents come before their children.
+        for (i, node) in self.nodes.iter().enumerate() {
+            let lanes = (0..WIDTH).filter(|lane| !node.bounds(*lane).is_empty());
+            let left = waiting[i] + lanes.clone().count().saturating_sub(1);
+            most = most.max(left);
+            for child in lanes.map(|lane| node.children[lane]).filter(|child| !child.is_leaf()) {
+                waiting[child.index()] = left;
+            }
+        }
+        most + WIDTH <= stack
+    }
+
+    fn add_leaf(&mut self, source: &Source<'_>, node: u32) -> Link {
+        let (prims, count) = source.primitives(node);
+        let triangles = prims.iter().filter(|prim| **prim < source.geometry.triangle_count()).count();
+        let link = Link::block(self.blocks.len(), triangles, triangles < count);
+        self.blocks.push(Block::new(source.geometry, &prims[..count]));
+        link
+    }
+
+    fn fill(&mut self, source: &Source<'_>, node: u32, index: usize) {
+        let children = source.children(node);
+        let children = &children.nodes[..children.count];
+        let first_inner = self.nodes.len();
+        let inner = children.iter().filter(|child| !source.plan.is_leaf(**child)).count();
+        self.nodes.resize(first_inner + inner, Node8::EMPTY);
+        let mut next = first_inner;
+        for (lane, child) in children.iter().enumerate() {
+            let link = if source.plan.is_leaf(*child) {
+                self.add_leaf(source, *child)
+            } else {
+                next += 1;
+                Link::node(next - 1)
+            };
+            self.nodes[index].set(lane, &source.node(*child).bounds(), link);
+        }
+        let mut next = first_inner;
+        for child in children {
+            if !source.plan.is_leaf(*child) {
+                self.fill(source, *child, next);
+                next += 1;
+            }
+        }
+    }
+}
+
+/// The costs C(n, 1) to C(n, 7) of every node, and which become leaves.
+struct Plan {
+    costs: Vec<[f32; WIDTH - 1]>,
+    leaves: Vec<bool>,
+}
+
+impl Plan {
+    /// For a tree whose children come after their parents.
+    fn new(tree: &Tree, price: f32) -> Plan {
+        let count = tree.nodes.len();
+        let mut plan = Plan { costs: vec![[0.0; WIDTH - 1]; count], leaves: vec![false; count] };
+        let size = tree.nodes.first().map_or(1.0, |root| root.bounds().extent().max_element());
+        let scale = f32::from_bits((1.0 / size).to_bits() & 0x7f80_0000);
+        let mut prims = vec![0u32; count];
+        for (i, node) in tree.nodes.iter().enumerate().rev() {
+            let d = (node.max - node.min) * scale;
+            let area = d.x * d.y + d.y * d.z + d.z * d.x;
+            if node.is_leaf() {
+                (plan.costs[i], plan.leaves[i], prims[i]) = ([area; WIDTH - 1], true, node.count);
+                continue;
+            }
+            let pair = node.first as usize;
+            if pair == 0 {
+                continue; // Slot 1 is unused.
+            }
+            prims[i] = prims[pair].saturating_add(prims[pair + 1]);
+            let as_node = area * price + plan.least(pair, WIDTH).0;
+            plan.leaves[i] = prims[i] as usize <= LANES && area <= as_node;
+            let mut costs = [if plan.leaves[i] { area } else { as_node }; WIDTH - 1];
+            for roots in 2..WIDTH {
+                costs[roots - 1] = costs[roots - 2].min(plan.least(pair, roots).0);
+            }
+            plan.costs[i] = costs;
+        }
+        plan
+    }
+
+    fn is_leaf(&self, node: u32) -> bool {
+        self.leaves[node as usize]
+    }
+
+    /// D of the parent of a pair, and how many roots its first child gets.
+    fn least(&self, pair: usize, roots: usize) -> (f32, usize) {
+        let (left, right) = (&self.costs[pair], &self.costs[pair + 1]);
+        (1..roots).fold((f32::INFINITY, 1), |best, k| {
+            let cost = left[k - 1] + right[roots - k - 1];
+            if cost < best.0 { (cost, k) } else { best }
+        })
+    }
+
+    /// Lists the roots of the forest that a node is split into.
+    fn split(&self, tree: &Tree, node: u32, roots: usize, children: &mut Children) {
+        let pair = tree.nodes[node as usize].first;
+        let left = self.least(pair as usize, roots).1;
+        for (child, mut roots) in [(pair, left), (pair + 1, roots - left)] {
+            let costs = &self.costs[child as usize];
+            while roots > 1 && costs[roots - 2] <= costs[roots - 1] {
+                roots -= 1;
+            }
+            if roots == 1 { children.push(child) } else { self.split(tree, child, roots, children) }
+        }
+    }
+}

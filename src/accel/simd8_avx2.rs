@@ -1,0 +1,348 @@
+//! The kernels of `simd8` with AVX2.
+
+#![allow(
+    unsafe_code,
+    reason = "vector loads and stores, and the door into AVX2; each block says why it is sound"
+)]
+
+use std::arch::x86_64::*;
+
+use super::simd::Avx2;
+use super::simd8::{Met, Stack, WideTask, WideTest};
+use super::wide::{Block, LANES, Link, Node8, WIDTH};
+use crate::math::gamma;
+use crate::shape::RayProbe;
+
+/// A ray for [`Avx2`]: every number in all lanes, the axes turned as those of
+/// the probe.
+#[derive(Clone, Copy, Debug)]
+pub struct WideRay {
+    origin: [__m256; 3],
+    inv_dir: [__m256; 3],
+    /// Where the near planes of a node are, and the far ones, in bytes from
+    /// its beginning: multiples of 32 below 192.
+    near: [usize; 3],
+    far: [usize; 3],
+    shear: [__m128; 2],
+    /// Where the coordinates of a block are, in bytes from the beginning of a
+    /// vertex: multiples of 16 below 48.
+    rows: [usize; 3],
+}
+
+/// Where a ray enters eight boxes, and all bits of those that it meets.
+#[derive(Clone, Copy, Debug)]
+pub struct Near {
+    near: __m256,
+    met: __m256,
+}
+
+impl Avx2 {
+    /// Does a task compiled for AVX2.
+    #[inline]
+    pub fn run_wide<T: WideTask>(self, task: T) -> T::Output {
+        // SAFETY: the token exists only where AVX2 has been detected.
+        unsafe { run_avx2(self, task) }
+    }
+}
+
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+fn run_avx2<T: WideTask>(token: Avx2, task: T) -> T::Output {
+    task.run(token)
+}
+
+impl WideTest for Avx2 {
+    type Ray = WideRay;
+    type Near = Near;
+
+    #[inline(always)]
+    fn prepare(self, probe: &RayProbe) -> WideRay {
+        // SAFETY: the token exists only where AVX2 has been detected.
+        unsafe { prepare(probe) }
+    }
+
+    #[inline(always)]
+    fn boxes(self, ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
+        // SAFETY: as above.
+        unsafe { boxes(ray, node, limit) }
+    }
+
+    #[inline(always)]
+    fn descend(self, mask: u32, near: Near, node: &Node8, stack: &mut Stack<'_>) -> Link {
+        // SAFETY: as above.
+        unsafe { descend(mask, near, node, stack) }
+    }
+
+    #[inline(always)]
+    fn descend_any(self, mask: u32, node: &Node8, stack: &mut Stack<'_>) -> Link {
+        // SAFETY: as above.
+        unsafe { descend_any(mask, node, stack) }
+    }
+
+    #[inline(always)]
+    fn candidates(self, ray: &WideRay, block: &Block, mask: u32) -> u32 {
+        // SAFETY: as above.
+        unsafe { candidates(ray, block, mask) }
+    }
+
+    #[inline(always)]
+    fn triangles(self, _: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+        // SAFETY: as above.
+        unsafe { exact(probe, block, mask, limit) }
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn store4(v: __m128) -> [f32; LANES] {
+    let mut to = [0.0; LANES];
+    // SAFETY: four f32 in a row.
+    unsafe { _mm_storeu_ps(to.as_mut_ptr(), v) };
+    to
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn prepare(probe: &RayProbe) -> WideRay {
+    let axes = probe.axes.map(|axis| usize::from(axis.min(2)));
+    let behind = probe.turned_inv_dir.map(|inv| (inv.to_bits() >> 31) as usize);
+    let near = [0, 1, 2].map(|i| 64 * axes[i] + 32 * behind[i]);
+    let (o, i, s) = (&probe.turned_origin, &probe.turned_inv_dir, &probe.shear);
+    WideRay {
+        origin: [_mm256_set1_ps(o[0]), _mm256_set1_ps(o[1]), _mm256_set1_ps(o[2])],
+        inv_dir: [_mm256_set1_ps(i[0]), _mm256_set1_ps(i[1]), _mm256_set1_ps(i[2])],
+        near,
+        far: near.map(|n| n ^ 32),
+        shear: [_mm_set1_ps(s[0]), _mm_set1_ps(s[1])],
+        rows: axes.map(|axis| 16 * axis),
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
+    let base: *const u8 = node.planes.as_ptr().cast();
+    let distance = |axis: usize, at: usize| {
+        // SAFETY: eight f32 of one plane: `prepare` makes the offsets.
+        let planes = unsafe { _mm256_load_ps(base.add(at).cast()) };
+        _mm256_mul_ps(_mm256_sub_ps(planes, ray.origin[axis]), ray.inv_dir[axis])
+    };
+    let mut near = _mm256_setzero_ps();
+    let mut far = _mm256_set1_ps(f32::INFINITY);
+    for axis in 0..3 {
+        near = _mm256_max_ps(distance(axis, ray.near[axis]), near);
+        far = _mm256_min_ps(distance(axis, ray.far[axis]), far);
+    }
+    let far = _mm256_mul_ps(far, _mm256_set1_ps(RayProbe::FAR_SLACK));
+    let far = _mm256_min_ps(far, _mm256_set1_ps(limit));
+    let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    (_mm256_movemask_ps(met) as u32, Near { near, met })
+}
+
+#[inline]
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+fn descend(mask: u32, near: Near, node: &Node8, stack: &mut Stack<'_>) -> Link {
+    if mask & (mask - 1) == 0 {
+        return node.children[mask.trailing_zeros() as usize % WIDTH];
+    }
+    // Keys of what is met, in reverse: the nearest is the greatest, and what is
+    // not met is greater than all.
+    const TOP: i32 = i32::MAX;
+    let top = _mm256_set1_epi32(TOP);
+    let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    let bits = _mm256_andnot_si256(_mm256_set1_epi32(Stack::LANE as i32), _mm256_castps_si256(near.near));
+    let key = _mm256_and_si256(_mm256_or_si256(bits, lanes), _mm256_castps_si256(near.met));
+    let key = _mm256_xor_si256(key, top);
+
+    // The nearest on a short way of its own.
+    let nearest = {
+        let reversed = _mm256_and_si256(key, _mm256_castps_si256(near.met));
+        let m = _mm_max_epi32(_mm256_castsi256_si128(reversed), _mm256_extracti128_si256::<1>(reversed));
+        let m = _mm_max_epi32(m, _mm_shuffle_epi32::<0x4e>(m));
+        let m = _mm_max_epi32(m, _mm_shuffle_epi32::<0xb1>(m));
+        !(_mm_cvtsi128_si32(m) as u32) & Stack::LANE
+    };
+
+    let sorted = sort(key);
+    let keys = _mm256_xor_si256(sorted, top);
+    // SAFETY: eight numbers in a row.
+    let children = unsafe { _mm256_loadu_si256(node.children.as_ptr().cast()) };
+    let links = _mm256_permutevar8x32_epi32(children, keys);
+    stack.push_some(mask.count_ones() as usize - 1, |to_keys, to_links| {
+        // SAFETY: both point to eight numbers.
+        unsafe {
+            _mm256_storeu_si256(to_keys.as_mut_ptr().cast(), keys);
+            _mm256_storeu_si256(to_links.as_mut_ptr().cast(), links);
+        }
+    });
+    node.children[nearest as usize]
+}
+
+#[inline]
+#[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
+fn descend_any(mask: u32, node: &Node8, stack: &mut Stack<'_>) -> Link {
+    let last = 31 - mask.leading_zeros();
+    let mask = mask ^ (1 << last);
+    if mask != 0 {
+        // SAFETY: eight bytes, and eight numbers, in a row.
+        let (order, children) = unsafe {
+            (
+                _mm_loadl_epi64(LANES_OF[mask as usize % LANES_OF.len()].as_ptr().cast()),
+                _mm256_loadu_si256(node.children.as_ptr().cast()),
+            )
+        };
+        let links = _mm256_permutevar8x32_epi32(children, _mm256_cvtepu8_epi32(order));
+        stack.push_some(mask.count_ones() as usize, |_, to_links| {
+            // SAFETY: eight numbers in a row.
+            unsafe { _mm256_storeu_si256(to_links.as_mut_ptr().cast(), links) }
+        });
+    }
+    node.children[last as usize % WIDTH]
+}
+
+/// For every mask of lanes, these lanes in turn.
+static LANES_OF: [[u8; WIDTH]; 1 << WIDTH] = {
+    let mut table = [[0; WIDTH]; 1 << WIDTH];
+    let mut mask = 0;
+    while mask < table.len() {
+        let (mut lane, mut count) = (0, 0);
+        while lane < WIDTH {
+            if mask >> lane & 1 != 0 {
+                table[mask][count] = lane as u8;
+                count += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+};
+
+/// Sorts eight integers, lowest first, by a bitonic network (Batcher 1968).
+#[inline]
+#[target_feature(enable = "avx2")]
+fn sort(v: __m256i) -> __m256i {
+    macro_rules! step {
+        ($v:expr, $partner:expr, $upper:literal) => {{
+            let (v, partner) = ($v, $partner);
+            _mm256_blend_epi32::<$upper>(_mm256_min_epi32(v, partner), _mm256_max_epi32(v, partner))
+        }};
+    }
+    let v = step!(v, _mm256_shuffle_epi32::<0xb1>(v), 0b1010_1010);
+    let v = step!(v, _mm256_shuffle_epi32::<0x1b>(v), 0b1100_1100);
+    let v = step!(v, _mm256_shuffle_epi32::<0xb1>(v), 0b1010_1010);
+    let mirror = _mm256_setr_epi32(7, 6, 5, 4, 3, 2, 1, 0);
+    let v = step!(v, _mm256_permutevar8x32_epi32(v, mirror), 0b1111_0000);
+    let v = step!(v, _mm256_shuffle_epi32::<0x4e>(v), 0b1100_1100);
+    step!(v, _mm256_shuffle_epi32::<0xb1>(v), 0b1010_1010)
+}
+
+/// Vertices relative to the origin and sheared: x, y, z of each.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn sheared(ray: &WideRay, block: &Block) -> [[__m128; 3]; 3] {
+    let base: *const u8 = block.vertices.as_ptr().cast();
+    let [x, y, z] = ray.rows;
+    let [ox, oy, oz] = ray.origin;
+    let (ox, oy, oz) = (_mm256_castps256_ps128(ox), _mm256_castps256_ps128(oy), _mm256_castps256_ps128(oz));
+    let vertex = |corner: usize| {
+        // SAFETY: four f32 of one row: `prepare` makes the offsets.
+        let row = |at: usize| unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) };
+        let z = _mm_sub_ps(row(z), oz);
+        let x = _mm_sub_ps(_mm_sub_ps(row(x), ox), _mm_mul_ps(ray.shear[0], z));
+        let y = _mm_sub_ps(_mm_sub_ps(row(y), oy), _mm_mul_ps(ray.shear[1], z));
+        [x, y, z]
+    };
+    [vertex(0), vertex(1), vertex(2)]
+}
+
+/// Rejects by the signs of the edge functions in f32, as `shape::triangle`
+/// does before it goes on in f64; what NaN hides goes on too.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn candidates(ray: &WideRay, block: &Block, mask: u32) -> u32 {
+    let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared(ray, block);
+    let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
+    let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
+    let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
+    let low = _mm_min_ps(_mm_min_ps(u, v), w);
+    let high = _mm_max_ps(_mm_max_ps(u, v), w);
+    let zero = _mm_setzero_ps();
+    let kept = _mm_or_ps(_mm_cmpnlt_ps(low, zero), _mm_cmpngt_ps(high, zero));
+    mask & _mm_movemask_ps(kept) as u32
+}
+
+/// The exact test of `shape::triangle` on all lanes.
+#[inline(never)]
+#[target_feature(enable = "avx2")]
+fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    let ray = &prepare(probe);
+    let [a, b, c] = sheared(ray, block);
+    let wide = |x: __m128| _mm256_cvtps_pd(x);
+    let (ax, ay, az) = (wide(a[0]), wide(a[1]), wide(a[2]));
+    let (bx, by, bz) = (wide(b[0]), wide(b[1]), wide(b[2]));
+    let (cx, cy, cz) = (wide(c[0]), wide(c[1]), wide(c[2]));
+    let u = _mm256_sub_pd(_mm256_mul_pd(cx, by), _mm256_mul_pd(cy, bx));
+    let v = _mm256_sub_pd(_mm256_mul_pd(ax, cy), _mm256_mul_pd(ay, cx));
+    let w = _mm256_sub_pd(_mm256_mul_pd(bx, ay), _mm256_mul_pd(by, ax));
+    let zero = _mm256_setzero_pd();
+    let low = _mm256_cmp_pd::<_CMP_LT_OQ>(_mm256_min_pd(_mm256_min_pd(u, v), w), zero);
+    let high = _mm256_cmp_pd::<_CMP_GT_OQ>(_mm256_max_pd(_mm256_max_pd(u, v), w), zero);
+    let det = _mm256_add_pd(_mm256_add_pd(u, v), w);
+    let solid = _mm256_cmp_pd::<_CMP_NEQ_OQ>(det, zero);
+    let inside = _mm256_andnot_pd(_mm256_and_pd(low, high), solid);
+    let mask = mask & _mm256_movemask_pd(inside) as u32;
+    if mask == 0 {
+        return Met::NOTHING;
+    }
+    let inv = _mm256_div_pd(_mm256_set1_pd(1.0), det);
+    let sum = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
+    let sum = _mm256_add_pd(sum, _mm256_mul_pd(w, cz));
+    let t =
+        _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(sum, inv), _mm256_set1_pd(f64::from(probe.shear[2]))));
+    let (t, accepted) = confine(ray, block, t, limit);
+    // SAFETY: four numbers in a row.
+    let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
+    let is = |prim: u32| _mm_cmpeq_epi32(prims, _mm_set1_epi32(prim as i32));
+    let skipped = _mm_or_si128(is(probe.skip), is(probe.skip_end));
+    let accepted = _mm_andnot_ps(_mm_castsi128_ps(skipped), accepted);
+    Met {
+        mask: mask & _mm_movemask_ps(accepted) as u32,
+        t: store4(t),
+        u: store4(_mm256_cvtpd_ps(_mm256_mul_pd(v, inv))),
+        v: store4(_mm256_cvtpd_ps(_mm256_mul_pd(w, inv))),
+    }
+}
+
+/// [`RayProbe::confine`] to the boxes of the triangles, and whether anything
+/// is left.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m128) {
+    let sign = _mm_set1_ps(-0.0);
+    let base: *const u8 = block.vertices.as_ptr().cast();
+    let corners = ray.rows.map(|at| {
+        // SAFETY: four f32 of one row: `prepare` makes the offsets.
+        let [a, b, c] = [0, 1, 2].map(|corner| unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) });
+        (_mm_min_ps(_mm_min_ps(a, b), c), _mm_max_ps(_mm_max_ps(a, b), c))
+    });
+    let size = corners.map(|(low, high)| _mm_max_ps(_mm_andnot_ps(sign, low), _mm_andnot_ps(sign, high)));
+    let size = _mm_max_ps(_mm_max_ps(size[0], size[1]), size[2]);
+    let error = _mm_mul_ps(size, _mm_set1_ps(gamma(4)));
+
+    let zero = _mm_setzero_ps();
+    let (mut near, mut far) = (zero, _mm_set1_ps(f32::INFINITY));
+    for (axis, (low, high)) in corners.into_iter().enumerate() {
+        let origin = _mm256_castps256_ps128(ray.origin[axis]);
+        let inv_dir = _mm256_castps256_ps128(ray.inv_dir[axis]);
+        let low = _mm_mul_ps(_mm_sub_ps(_mm_sub_ps(low, error), origin), inv_dir);
+        let high = _mm_mul_ps(_mm_sub_ps(_mm_add_ps(high, error), origin), inv_dir);
+        near = _mm_max_ps(_mm_blendv_ps(low, high, inv_dir), near);
+        far = _mm_min_ps(_mm_blendv_ps(high, low, inv_dir), far);
+    }
+    let far = _mm_mul_ps(far, _mm_set1_ps(RayProbe::FAR_SLACK));
+    let finite = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(f32::INFINITY)));
+    let crossed = _mm_cmple_ps(near, far);
+    let t = _mm_min_ps(far, _mm_max_ps(near, t));
+    let within = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(limit)));
+    (t, _mm_and_ps(_mm_and_ps(finite, crossed), within))
+}
