@@ -1,0 +1,79 @@
+//! What takes part in a measurement.
+
+use crate::accel::{Accel, Stats};
+use crate::desc::{Error, Result};
+use crate::math::Ray;
+use crate::shape::{Geometry, Hit};
+
+/// Something built that finds hits, many rays at a time so that the call costs
+/// nothing beside the work.
+pub trait Tracer: Send + Sync {
+    /// Appends the nearest hit of every ray.
+    fn closest(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<Option<Hit>>);
+
+    /// Appends for every ray whether it hits anything.
+    fn occluded(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<bool>);
+
+    /// Memory beyond that of the geometry, in bytes.
+    fn memory_bytes(&self) -> usize;
+
+    /// Numbers about its tree; zero where it tells none.
+    fn stats(&self) -> Stats;
+
+    /// It must give the same bits as every other accelerator.
+    fn is_exact(&self) -> bool {
+        true
+    }
+}
+
+impl Tracer for Accel {
+    fn closest(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        hits.extend(rays.iter().map(|ray| Accel::closest(self, geometry, ray)));
+    }
+
+    fn occluded(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<bool>) {
+        hits.extend(rays.iter().map(|ray| Accel::occluded(self, geometry, ray)));
+    }
+
+    fn memory_bytes(&self) -> usize {
+        Accel::memory_bytes(self)
+    }
+
+    fn stats(&self) -> Stats {
+        Accel::stats(self)
+    }
+}
+
+type Build = dyn Fn(&Geometry) -> Result<Box<dyn Tracer>> + Send + Sync;
+
+/// A way to build a [`Tracer`], by its name.
+pub struct Contender {
+    /// As it was asked for.
+    pub name: String,
+    build: Box<Build>,
+}
+
+impl Contender {
+    /// The contender of a name: an accelerator.
+    pub fn named(name: &str) -> Result<Contender> {
+        let Some(kind) = Accel::NAMES.iter().find(|kind| **kind == name) else {
+            return Err(Error::new(format!("unknown accelerator `{name}`"))
+                .suggest(name, Contender::names().iter().map(String::as_str)));
+        };
+        Ok(Contender {
+            name: name.to_owned(),
+            build: Box::new(|geometry| Ok(Box::new(Accel::build_named(Some(kind), geometry)?))),
+        })
+    }
+
+    /// All names.
+    #[must_use]
+    pub fn names() -> Vec<String> {
+        Accel::NAMES.iter().map(|name| (*name).to_owned()).collect()
+    }
+
+    /// Builds it.
+    pub fn build(&self, geometry: &Geometry) -> Result<Box<dyn Tracer>> {
+        (self.build)(geometry)
+    }
+}
