@@ -12,16 +12,21 @@
 //! to come fits in: wide nodes are made from the finished binary tree
 //! ([`Bvh2`] keeps builder and layout apart); an instance is a primitive whose
 //! test transforms the ray and asks a nested accelerator; motion doubles the
-//! boxes of a node and blends them by `Ray::time`; Embree is one more kind that
-//! keeps its own scene and reports hits through `Geometry::intersect_probe`.
+//! boxes of a node and blends them by `Ray::time`. `Embree` (cargo feature
+//! `embree`) keeps its own scene and has hits decided by
+//! `Geometry::intersect_probe`.
 
 mod brute;
 mod build;
 mod bvh2;
+#[cfg(feature = "embree")]
+mod embree;
 mod simd;
 
 pub use brute::Brute;
 pub use bvh2::{Bvh2, Stats};
+#[cfg(feature = "embree")]
+pub use embree::{Embree, EmbreeMode, EmbreeNative};
 
 use crate::desc::{Error, Result, kinds};
 use crate::math::{Bounds, Ray};
@@ -35,6 +40,9 @@ kinds! {
         Brute(Brute) = ["brute"],
         /// A binary tree of boxes by the surface area heuristic.
         Bvh2(Bvh2) = ["bvh2"],
+        /// Embree's tree and our tests.
+        #[cfg(feature = "embree")]
+        Embree(Embree) = ["embree"],
     }
 }
 
@@ -46,6 +54,11 @@ impl Accel {
         match name.unwrap_or("bvh2") {
             "brute" => Ok(Brute::new(geometry).into()),
             "bvh2" => Ok(Bvh2::new(geometry)?.into()),
+            #[cfg(feature = "embree")]
+            "embree" => Ok(Embree::new(geometry)?.into()),
+            #[cfg(not(feature = "embree"))]
+            "embree" => Err(Error::new("this program was built without Embree")
+                .hint("build it with `cargo build --release --features embree`")),
             other => Err(Error::new(format!("unknown accelerator `{other}`"))
                 .suggest(other, Accel::NAMES.iter().copied())),
         }
@@ -60,6 +73,8 @@ impl Accel {
         match self {
             Accel::Brute(brute) => brute.closest(geometry, &probe),
             Accel::Bvh2(bvh) => bvh.closest(geometry, &probe),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.closest(geometry, &probe),
         }
     }
 
@@ -72,6 +87,8 @@ impl Accel {
         match self {
             Accel::Brute(brute) => brute.occluded(geometry, &probe),
             Accel::Bvh2(bvh) => bvh.occluded(geometry, &probe),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.occluded(geometry, &probe),
         }
     }
 
@@ -81,6 +98,8 @@ impl Accel {
         match self {
             Accel::Brute(brute) => brute.bounds(),
             Accel::Bvh2(bvh) => bvh.bounds(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.bounds(),
         }
     }
 
@@ -90,6 +109,8 @@ impl Accel {
         match self {
             Accel::Brute(_) => 0,
             Accel::Bvh2(bvh) => bvh.memory_bytes(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.memory_bytes(),
         }
     }
 
@@ -99,15 +120,20 @@ impl Accel {
         match self {
             Accel::Brute(_) => "brute",
             Accel::Bvh2(_) => "bvh2",
+            #[cfg(feature = "embree")]
+            Accel::Embree(_) => "embree",
         }
     }
 
-    /// Numbers about a tree; all zero for kinds without one.
+    /// Numbers about a tree; all zero for kinds without one, and for Embree,
+    /// which does not tell.
     #[must_use]
     pub fn stats(&self) -> Stats {
         match self {
             Accel::Brute(_) => Stats::default(),
             Accel::Bvh2(bvh) => bvh.stats(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(_) => Stats::default(),
         }
     }
 }

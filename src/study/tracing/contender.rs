@@ -1,6 +1,8 @@
 //! What takes part in a measurement.
 
 use crate::accel::{Accel, Stats};
+#[cfg(feature = "embree")]
+use crate::accel::{EmbreeMode, EmbreeNative};
 use crate::desc::{Error, Result};
 use crate::math::Ray;
 use crate::shape::{Geometry, Hit};
@@ -53,10 +55,42 @@ pub struct Contender {
     build: Box<Build>,
 }
 
+#[cfg(feature = "embree")]
+impl Tracer for EmbreeNative {
+    fn closest(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        hits.extend(rays.iter().map(|ray| EmbreeNative::closest(self, geometry, ray)));
+    }
+
+    fn occluded(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<bool>) {
+        hits.extend(rays.iter().map(|ray| EmbreeNative::occluded(self, geometry, ray)));
+    }
+
+    fn memory_bytes(&self) -> usize {
+        EmbreeNative::memory_bytes(self)
+    }
+
+    fn stats(&self) -> Stats {
+        Stats::default()
+    }
+
+    fn is_exact(&self) -> bool {
+        false
+    }
+}
+
 impl Contender {
-    /// The contender of a name: an accelerator.
+    /// The contender of a name: an accelerator, or with the feature `embree`
+    /// Embree as it comes, `embree-native` (robust) and `embree-loose`.
     pub fn named(name: &str) -> Result<Contender> {
+        #[cfg(feature = "embree")]
+        if let Some(contender) = Contender::embree(name) {
+            return Ok(contender);
+        }
         let Some(kind) = Accel::NAMES.iter().find(|kind| **kind == name) else {
+            // Says so when it is a kind that was left out of the program.
+            if name.starts_with("embree") && !cfg!(feature = "embree") {
+                Accel::build_named(Some("embree"), &Geometry::default())?;
+            }
             return Err(Error::new(format!("unknown accelerator `{name}`"))
                 .suggest(name, Contender::names().iter().map(String::as_str)));
         };
@@ -69,7 +103,19 @@ impl Contender {
     /// All names.
     #[must_use]
     pub fn names() -> Vec<String> {
-        Accel::NAMES.iter().map(|name| (*name).to_owned()).collect()
+        let more: &[&str] = if cfg!(feature = "embree") { &["embree-native", "embree-loose"] } else { &[] };
+        Accel::NAMES.iter().chain(more).map(|name| (*name).to_owned()).collect()
+    }
+
+    #[cfg(feature = "embree")]
+    fn embree(name: &str) -> Option<Contender> {
+        let mode = match name {
+            "embree-native" => EmbreeMode::Robust,
+            "embree-loose" => EmbreeMode::Loose,
+            _ => return None,
+        };
+        let build: Box<Build> = Box::new(move |geometry| Ok(Box::new(EmbreeNative::new(geometry, mode)?)));
+        Some(Contender { name: name.to_owned(), build })
     }
 
     /// Builds it.
