@@ -83,6 +83,28 @@ fn agrees_at_every_scale() {
     assert!(hits * 5 > rays && hits < rays, "{hits} of {rays}");
 }
 
+/// A scene so far from its camera, at (0, 0, 0), that its rays come from beyond
+/// where Embree is trusted with them.
+#[test]
+fn agrees_from_afar() {
+    let mut random = Random::new(29);
+    for (distance, centre) in [(30.0, Vec3::X), (1e3, Vec3::ONE), (1e6, Vec3::new(-0.3, 1.0, 0.2))] {
+        let centre = centre * distance;
+        let geometry = single_mesh(&sphere_mesh(20, 40, 1.0, centre));
+        let (brute, embree) = pair(&geometry);
+        let mut hits = 0;
+        for i in 0..3000 {
+            let origin = [Vec3::ZERO, centre + random.vector(), random.vector() * distance][i % 3];
+            let ray = Ray::new(origin, centre + random.vector() * 0.8 - origin);
+            let expected = brute.closest(&geometry, &ray);
+            assert_eq!(bits(embree.closest(&geometry, &ray)), bits(expected), "{ray:?}");
+            assert_eq!(embree.occluded(&geometry, &ray), expected.is_some(), "{ray:?}");
+            hits += usize::from(expected.is_some());
+        }
+        assert!(hits > 1500, "{hits}");
+    }
+}
+
 /// Flush-to-zero would be undefined behaviour and change pictures.
 #[test]
 fn leaves_the_floating_point_mode_alone() {

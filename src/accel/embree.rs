@@ -19,16 +19,24 @@
 //!
 //! # Nothing is missed
 //!
-//! Embree only has to visit every primitive whose box the ray meets. It is
-//! given the scene scaled by a power of two to coordinates within ±2, since it
-//! drops what lies beyond 1.8e18, and directions scaled to a largest component
-//! in [1, 2), since it takes components below 1e-18 for +1e-18. At such a
-//! component a ray drifts by 1e-18 per unit of length; boxes are therefore
-//! widened by 1e-9, and by the rounding of their own coordinates once more
-//! than `Geometry::prim_bounds` does. The robust flag makes the box test allow
-//! for its rounding (3 ulp); the end of the ray that Embree sees lies
-//! [`SLACK`] beyond the nearest hit, so that ties are still looked at. An
-//! origin so far outside that it overflows is tested against everything.
+//! Embree has to visit every primitive whose box the ray meets by our
+//! arithmetic ([`RayProbe::interval`]), but its box test for user geometry is
+//! not the robust one, whatever the flag: it subtracts origin·(1/d) from
+//! plane·(1/d). So it sees the scene about its centre and scaled by a power of
+//! two to ±2, directions with a largest component in [1, 2), and boxes widened
+//! by [`MARGIN`]. That covers, as lengths along an axis, for an origin within
+//! ±[`LIMIT`] of which a plane is D ≤ 18 away: 16·2⁻²⁵ for rounding the
+//! origin, 16·2⁻²⁴ for its product, D·2⁻²⁴ for the difference, D·2⁻²² for 1/d,
+//! and D·9·2⁻²⁴ for the slack and the rounding of our own test: 1.7e-5 in all.
+//! It also covers that Embree takes components of a direction below 1e-18 for
+//! +1e-18, and the scaling keeps boxes from beyond 1.8e18, where Embree drops
+//! them. The end of the ray lies [`SLACK`] beyond the nearest hit, so that
+//! ties are looked at.
+//!
+//! Rays that start farther out than [`LIMIT`] are tested against every
+//! primitive if they meet the box of all. Since scenes are centred on their
+//! camera, those of a render do so when the point (0, 0, 0) does; a [`Bvh2`] is
+//! then built for them.
 //!
 //! # The bindings
 //!
@@ -53,16 +61,18 @@ use embree3::{
     IntersectContextExt, IntersectFunctionNArgs, OccludedFunctionNArgs, RayHit, Scene, SceneFlags,
 };
 
-use super::Nearest;
+use super::{Bvh2, Nearest};
 use crate::desc::{Error, Result};
-use crate::math::{Bounds, Ray, Vec3, gamma};
+use crate::math::{Bounds, DVec3, Ray, Vec3};
 use crate::shape::{Geometry, Hit, RayProbe};
 
 /// How far the end of the ray that Embree sees lies beyond the nearest hit,
 /// relative: more than all rounding of its box test.
 const SLACK: f64 = 1.0 + 1e-5;
-/// What boxes are widened by at least, when the scene lies within ±2.
-const MARGIN: f32 = 1e-9;
+/// What boxes are widened by when the scene spans ±2.
+const MARGIN: f32 = 2.5e-5;
+/// How far out, in those units, Embree is trusted with a ray's origin.
+const LIMIT: f32 = 16.0;
 
 /// Embree's tree over our primitives and our tests.
 #[derive(Clone)]
@@ -70,8 +80,7 @@ pub struct Embree {
     /// None for an empty geometry.
     built: Option<Arc<Built>>,
     bounds: Bounds,
-    /// The power of two that takes coordinates to within ±2.
-    factor: f64,
+    unit: Unit,
 }
 
 /// A committed scene. Read-only from then on.
@@ -79,6 +88,8 @@ struct Built {
     scene: Scene<'static>,
     /// Bytes that Embree holds.
     bytes: usize,
+    /// For rays from beyond [`LIMIT`], where a render makes them.
+    far: Option<Bvh2>,
 }
 
 impl fmt::Debug for Embree {
@@ -91,21 +102,29 @@ impl Embree {
     /// Builds the tree. Fails when Embree does, for want of memory.
     pub fn new(geometry: &Geometry) -> Result<Embree> {
         let bounds = geometry.bounds();
-        let factor = unit_factor(&bounds);
-        let mut embree = Embree { built: None, bounds, factor };
+        let unit = Unit::new(&bounds);
+        let mut embree = Embree { built: None, bounds, unit };
         if geometry.prim_count() > 0 {
-            let boxes = (0..geometry.prim_count()).map(|p| widened(&geometry.prim_bounds(p), factor));
+            let boxes = (0..geometry.prim_count()).map(|p| unit.widened(&geometry.prim_bounds(p)));
             let mut maker = Maker::new(EmbreeMode::Robust)?;
             maker.add_user(boxes.collect(), intersect, occluded)?;
-            embree.built = Some(Arc::new(maker.finish()?));
+            let mut built = maker.finish()?;
+            if unit.origin(DVec3::ZERO).is_none() {
+                built.far = Some(Bvh2::new(geometry)?);
+            }
+            embree.built = Some(Arc::new(built));
         }
         Ok(embree)
     }
 
     pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
+        let built = self.built.as_deref()?;
         let query = Query { geometry, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
-        let Some((built, ray, t_scale)) = self.ray(probe) else {
-            return everything(query).hit;
+        let Some((ray, t_scale)) = self.unit.ray(probe) else {
+            return match &built.far {
+                Some(bvh) => bvh.closest(geometry, probe),
+                None => everything(query).hit,
+            };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
         built.scene.intersect(&mut context, &mut RayHit::from_ray(ray));
@@ -113,9 +132,13 @@ impl Embree {
     }
 
     pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
+        let Some(built) = self.built.as_deref() else { return false };
         let query = Query { geometry, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
-        let Some((built, mut ray, t_scale)) = self.ray(probe) else {
-            return everything(query).hit.is_some();
+        let Some((mut ray, t_scale)) = self.unit.ray(probe) else {
+            return match &built.far {
+                Some(bvh) => bvh.occluded(geometry, probe),
+                None => everything(query).hit.is_some(),
+            };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
         built.scene.occluded(&mut context, &mut ray)
@@ -126,22 +149,8 @@ impl Embree {
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        self.built.as_ref().map_or(0, |built| built.bytes)
-    }
-
-    /// The ray as Embree is to see it, and what takes our parameters to its.
-    /// `None` when it cannot see it.
-    fn ray(&self, probe: &RayProbe) -> Option<(&Built, embree3::Ray, f64)> {
-        let built = self.built.as_deref()?;
-        let origin = (probe.origin_f64 * self.factor).as_vec3();
-        if !origin.is_finite() {
-            return None;
-        }
-        let shrink = power_of_two(-exponent(probe.dir_f64.abs().max_element()));
-        let dir = (probe.dir_f64 * shrink).as_vec3();
-        let t_scale = self.factor / shrink;
-        let far = far_end(probe.t_max, t_scale);
-        Some((built, embree3::Ray::segment(origin.to_array(), dir.to_array(), 0.0, far), t_scale))
+        let far = |built: &Built| built.far.as_ref().map_or(0, Bvh2::memory_bytes);
+        self.built.as_ref().map_or(0, |built| built.bytes + far(built))
     }
 }
 
@@ -153,9 +162,13 @@ struct Query<'a> {
     t_scale: f64,
 }
 
-/// Tests every primitive.
+/// Tests every primitive, if the ray meets the box of all.
 fn everything(query: Query<'_>) -> Nearest {
     let mut nearest = query.nearest;
+    let (near, far) = query.probe.interval(&query.geometry.bounds());
+    if !(near <= far) {
+        return nearest;
+    }
     for prim in 0..query.geometry.prim_count() {
         if let Some(hit) = query.geometry.intersect_probe(prim, query.probe, nearest.limit) {
             nearest.take(hit);
@@ -204,19 +217,53 @@ fn power_of_two(n: i32) -> f64 {
     f64::from_bits(((n.clamp(-1022, 1023) + 1023) as u64) << 52)
 }
 
-/// The power of two that takes the largest finite coordinate to [1, 2).
-fn unit_factor(bounds: &Bounds) -> f64 {
-    let largest = bounds.min.abs().max(bounds.max.abs()).min(Vec3::splat(f32::MAX)).max_element();
-    if largest > 0.0 { power_of_two(-exponent(f64::from(largest))) } else { 1.0 }
+/// Coordinates as Embree is to see them.
+#[derive(Clone, Copy, Debug)]
+struct Unit {
+    centre: DVec3,
+    /// A power of two.
+    factor: f64,
 }
 
-/// A box as Embree is to see it. What has overflowed in widening ends where
-/// all finite coordinates do.
-fn widened(bounds: &Bounds, factor: f64) -> Bounds {
-    let scaled = |v: Vec3| (v.as_dvec3() * factor).as_vec3().clamp(Vec3::splat(-2.5), Vec3::splat(2.5));
-    let (min, max) = (scaled(bounds.min), scaled(bounds.max));
-    let margin = Vec3::splat((min.abs().max(max.abs()).max_element() * gamma(4)).max(MARGIN));
-    Bounds { min: min - margin, max: max + margin }
+impl Unit {
+    /// Takes a box to its own centre and half its largest edge to [1, 2).
+    /// Edges that have overflowed count as the largest finite number.
+    fn new(bounds: &Bounds) -> Unit {
+        if bounds.is_empty() {
+            return Unit { centre: DVec3::ZERO, factor: 1.0 };
+        }
+        let finite = |v: Vec3| v.clamp(Vec3::splat(f32::MIN), Vec3::splat(f32::MAX)).as_dvec3();
+        let (min, max) = (finite(bounds.min), finite(bounds.max));
+        let half = (max - min).max_element() * 0.5;
+        let factor = if half > 0.0 { power_of_two(-exponent(half)) } else { 1.0 };
+        Unit { centre: (min + max) * 0.5, factor }
+    }
+
+    /// A box. What has overflowed in widening ends where all finite
+    /// coordinates do.
+    fn widened(&self, bounds: &Bounds) -> Bounds {
+        let limit = Vec3::splat(2.5);
+        let seen = |v: Vec3| ((v.as_dvec3() - self.centre) * self.factor).as_vec3().clamp(-limit, limit);
+        Bounds { min: seen(bounds.min) - MARGIN, max: seen(bounds.max) + MARGIN }
+    }
+
+    /// The origin of a ray, if Embree is trusted with it.
+    fn origin(&self, origin: DVec3) -> Option<Vec3> {
+        let seen = ((origin - self.centre) * self.factor).as_vec3();
+        (seen.abs().max_element() <= LIMIT).then_some(seen)
+    }
+
+    /// A ray, and what takes our parameters to Embree's. `None` when it comes
+    /// from too far.
+    #[inline]
+    fn ray(&self, probe: &RayProbe) -> Option<(embree3::Ray, f64)> {
+        let origin = self.origin(probe.origin_f64)?;
+        let shrink = power_of_two(-exponent(probe.dir_f64.abs().max_element()));
+        let dir = (probe.dir_f64 * shrink).as_vec3();
+        let t_scale = self.factor / shrink;
+        let far = far_end(probe.t_max, t_scale);
+        Some((embree3::Ray::segment(origin.to_array(), dir.to_array(), 0.0, far), t_scale))
+    }
 }
 
 /// Which of Embree's ways with triangles.
@@ -303,7 +350,7 @@ impl Maker {
         }
         *self.boxes.write().unwrap_or_else(PoisonError::into_inner) = Vec::new();
         let bytes = (self.bytes.load(Ordering::Relaxed) - before).max(0) as usize;
-        Ok(Built { scene: self.scene, bytes })
+        Ok(Built { scene: self.scene, bytes, far: None })
     }
 }
 
