@@ -29,7 +29,7 @@ fn main() {
             "cargo::error=the feature `embree` needs Embree 3, and libembree3 is {place}where the linker looks"
         );
         println!(
-            "cargo::error=install it (Debian 12, Ubuntu 22.04: `apt-get install libembree-dev`), or set EMBREE_DIR to the folder that has lib/libembree3.so in it, or build without `--features embree`"
+            "cargo::error=install it (Debian 12: `apt-get install libembree-dev`), or set EMBREE_DIR to the folder that has lib/libembree3.so in it, or build without `--features embree`"
         );
     }
 }

@@ -50,7 +50,7 @@ pub struct SceneArgs {
     /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
-    /// Accelerator: bvh2 or brute.
+    /// Accelerator: bvh2, brute, or embree where the program was built with that feature.
     #[arg(long, value_name = "NAME")]
     pub accel: Option<String>,
 }
@@ -198,7 +198,8 @@ pub struct AccelArgs {
     /// Trace rays too: Mray/s, ratios to a baseline with intervals, and whether all find the same hits.
     #[arg(long)]
     pub bench: bool,
-    /// Accelerators to measure instead of all but brute.
+    /// Accelerators to measure instead of all but brute. A program built with Embree has its own triangle
+    /// test too: embree-native (robust) and embree-loose (faster, rays pass between triangles).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub accel: Option<Vec<String>>,
     /// The one that ratios are to, instead of the first.
