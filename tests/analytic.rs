@@ -9,10 +9,15 @@
 #[path = "common/render.rs"]
 mod render;
 
+use etendue::accel::Accel;
 use render::{Ready, mean};
 
 const SEEDS: u64 = 8;
-const ACCELERATORS: [&str; 2] = ["brute", "bvh2"];
+
+/// With Embree only Embree: without it all others have had their turn.
+fn accelerators() -> &'static [&'static str] {
+    if cfg!(feature = "embree") { &["embree"] } else { Accel::NAMES }
+}
 
 struct Case {
     name: &'static str,
@@ -40,7 +45,7 @@ fn sensor((from, to): ([f64; 3], [f64; 3])) -> String {
 fn check(case: &Case) {
     let xml = format!(r#"<scene version="3.0.0">{}{}</scene>"#, sensor(case.camera), case.body);
     for integrator in case.integrators {
-        for accel in ACCELERATORS {
+        for &accel in accelerators() {
             let ready = Ready::from_xml(&xml, Some(integrator), Some(accel));
             let means: Vec<f64> = (0..SEEDS).map(|s| mean(&ready.picture(case.samples, s))).collect();
             let m = means.iter().sum::<f64>() / SEEDS as f64;

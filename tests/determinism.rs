@@ -1,9 +1,11 @@
 //! The picture is a function of scene, seed and sample count alone: not of
-//! threads, not of the order of tiles, not of the crop window around it.
+//! threads, not of the order of tiles, not of the crop window around it, not of
+//! the accelerator.
 
 #[path = "common/render.rs"]
 mod render;
 
+use etendue::accel::Accel;
 use etendue::film::LayerSet;
 use etendue::render::TileOrder;
 use etendue::save::{Header, Options, write_exr};
@@ -42,6 +44,21 @@ fn threads_and_tile_order_do_not_change_a_byte() {
             exr_bytes(&ready, 1, TileOrder::CentreOut, 12),
             "{scene}: one more sample is another picture"
         );
+    }
+}
+
+#[test]
+fn accelerators_do_not_change_a_byte() {
+    for scene in SCENES {
+        let defines: Vec<(String, String)> =
+            [("resx", "36"), ("resy", "28")].iter().map(|(k, v)| ((*k).into(), (*v).into())).collect();
+        let load = etendue::load::LoadOptions { defines, ..Default::default() };
+        let desc = etendue::load::load(&package(scene), &load).unwrap();
+        let render = |accel| exr_bytes(&Ready::build(&desc, None, Some(accel)), 2, TileOrder::CentreOut, 3);
+        let first = render("bvh2");
+        for &accel in Accel::NAMES.iter().filter(|name| **name != "brute") {
+            assert_eq!(first, render(accel), "{scene}: {accel}");
+        }
     }
 }
 

@@ -12,14 +12,17 @@
 //! optimiser and layout are apart: both trees are made from a finished binary
 //! one. What is to come fits in: an instance is a primitive whose
 //! test transforms the ray and asks a nested accelerator; motion doubles the
-//! boxes of a node and blends them by `Ray::time`; Embree is one more kind that
-//! keeps its own scene and reports hits through `Geometry::intersect_probe`.
+//! boxes of a node and blends them by `Ray::time`. `Embree` (cargo feature
+//! `embree`) keeps its own scene and has hits decided by
+//! `Geometry::intersect_probe`.
 
 mod brute;
 mod build;
 mod bvh2;
 mod bvh8;
 mod collapse;
+#[cfg(feature = "embree")]
+mod embree;
 mod reinsert;
 mod simd;
 mod simd8;
@@ -31,6 +34,8 @@ mod wide;
 pub use brute::Brute;
 pub use bvh2::Bvh2;
 pub use bvh8::{Bvh8, Quality};
+#[cfg(feature = "embree")]
+pub use embree::{Embree, EmbreeMode, EmbreeNative};
 pub use stats::Stats;
 
 use crate::desc::{Error, Result, kinds};
@@ -47,6 +52,9 @@ kinds! {
         Bvh2(Bvh2) = ["bvh2"],
         /// A tree of eight boxes per node: the fastest.
         Bvh8(Bvh8) = ["bvh8"],
+        /// Embree's tree and our tests.
+        #[cfg(feature = "embree")]
+        Embree(Embree) = ["embree"],
     }
 }
 
@@ -66,6 +74,11 @@ impl Accel {
             "brute" => Ok(Brute::new(geometry).into()),
             "bvh2" => Ok(Bvh2::new(geometry)?.into()),
             "bvh8" => Ok(Bvh8::new(geometry, quality)?.into()),
+            #[cfg(feature = "embree")]
+            "embree" => Ok(Embree::new(geometry)?.into()),
+            #[cfg(not(feature = "embree"))]
+            "embree" => Err(Error::new("this program was built without Embree")
+                .hint("build it with `cargo build --release --features embree`")),
             other => Err(Error::new(format!("unknown accelerator `{other}`"))
                 .suggest(other, Accel::NAMES.iter().copied())),
         }
@@ -81,6 +94,8 @@ impl Accel {
             Accel::Brute(brute) => brute.closest(geometry, &probe),
             Accel::Bvh2(bvh) => bvh.closest(geometry, &probe),
             Accel::Bvh8(bvh) => bvh.closest(geometry, &probe),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.closest(geometry, &probe),
         }
     }
 
@@ -94,6 +109,8 @@ impl Accel {
             Accel::Brute(brute) => brute.occluded(geometry, &probe),
             Accel::Bvh2(bvh) => bvh.occluded(geometry, &probe),
             Accel::Bvh8(bvh) => bvh.occluded(geometry, &probe),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.occluded(geometry, &probe),
         }
     }
 
@@ -104,6 +121,8 @@ impl Accel {
             Accel::Brute(brute) => brute.bounds(),
             Accel::Bvh2(bvh) => bvh.bounds(),
             Accel::Bvh8(bvh) => bvh.bounds(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.bounds(),
         }
     }
 
@@ -114,6 +133,8 @@ impl Accel {
             Accel::Brute(_) => 0,
             Accel::Bvh2(bvh) => bvh.memory_bytes(),
             Accel::Bvh8(bvh) => bvh.memory_bytes(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(embree) => embree.memory_bytes(),
         }
     }
 
@@ -124,16 +145,21 @@ impl Accel {
             Accel::Brute(_) => "brute",
             Accel::Bvh2(_) => "bvh2",
             Accel::Bvh8(_) => "bvh8",
+            #[cfg(feature = "embree")]
+            Accel::Embree(_) => "embree",
         }
     }
 
-    /// Numbers about a tree; all zero for kinds without one.
+    /// Numbers about a tree; all zero for kinds without one, and for Embree,
+    /// which does not tell.
     #[must_use]
     pub fn stats(&self) -> Stats {
         match self {
             Accel::Brute(_) => Stats::default(),
             Accel::Bvh2(bvh) => bvh.stats(),
             Accel::Bvh8(bvh) => bvh.stats(),
+            #[cfg(feature = "embree")]
+            Accel::Embree(_) => Stats::default(),
         }
     }
 }

@@ -24,6 +24,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Measure the difference of two images, and whether it is noise.
     Compare(CompareArgs),
+    /// Build accelerators and, with --bench, race them on the same rays.
+    Accel(AccelArgs),
     /// Print one path of a render, vertex by vertex.
     Replay(ReplayArgs),
 }
@@ -48,7 +50,7 @@ pub struct SceneArgs {
     /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
-    /// Accelerator: bvh8, bvh2 or brute.
+    /// Accelerator: bvh8, bvh2, brute, or embree where the program was built with that feature.
     #[arg(long, value_name = "NAME")]
     pub accel: Option<String>,
     /// Quality of the tree of bvh8: fast to build, or high (the default) to trace.
@@ -185,6 +187,64 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
+/// Arguments of `accel`. Without --bench it only builds. Rays are traced on
+/// one thread, in interleaved repeats, and timed in CPU seconds; they are a
+/// function of the seed and the same for every accelerator.
+#[derive(Clone, Debug, Args)]
+pub struct AccelArgs {
+    /// Scenes (Mitsuba 3 XML) and meshes (ply, ply.gz, obj, serialized).
+    #[arg(value_name = "SCENE|MESH")]
+    pub subjects: Vec<PathBuf>,
+    /// Give a scene parameter (`$name` in the files) another value.
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_define)]
+    pub defines: Vec<(String, String)>,
+    /// Trace rays too: Mray/s, ratios to a baseline with intervals, and whether all find the same hits.
+    #[arg(long)]
+    pub bench: bool,
+    /// Accelerators to measure instead of all but brute. A program built with Embree has its own triangle
+    /// test too: embree-native (robust) and embree-loose (faster, rays pass between triangles).
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub accel: Option<Vec<String>>,
+    /// The one that ratios are to, instead of the first.
+    #[arg(long, value_name = "NAME")]
+    pub baseline: Option<String>,
+    /// Made subjects: displaced:TRIANGLES (displaced:2^20, a closed tunnel) or stadium:MESH (the mesh,
+    /// small, in a stadium).
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub generate: Vec<String>,
+    /// Displaced surfaces of 2^A to 2^B triangles.
+    #[arg(long, value_name = "A..B", value_parser = parse_growth)]
+    pub growth: Option<(u32, u32)>,
+    /// Ray sets instead of all: camera; b1, b3 (first, third diffuse bounce); s1, s3 (shadow rays from
+    /// the first, third hit); vertex (aimed exactly at vertices).
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub sets: Option<Vec<String>>,
+    /// Rays of each set.
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = parse_count)]
+    pub rays: usize,
+    /// How often each set is traced by each accelerator.
+    #[arg(long, value_name = "R", default_value_t = 15, value_parser = parse_count)]
+    pub repeats: usize,
+    /// How often each accelerator is built.
+    #[arg(long, value_name = "B", default_value_t = 3, value_parser = parse_count)]
+    pub builds: usize,
+    /// Threads of a build; 0 is one per core.
+    #[arg(long, value_name = "T", default_value_t = 1)]
+    pub threads: usize,
+    /// Rays of each set that are compared with brute force.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    pub verify: usize,
+    /// Seed of the rays.
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    pub seed: u64,
+    /// Everything, with each single time.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// A line per subject, accelerator and quantity.
+    #[arg(long, value_name = "FILE")]
+    pub csv: Option<PathBuf>,
+}
+
 /// Arguments of `replay`.
 #[derive(Clone, Debug, Args)]
 pub struct ReplayArgs {
@@ -229,6 +289,21 @@ fn parse_pixel(text: &str) -> Result<(i32, i32), String> {
     let [x, y] = numbers::<2>(text, ',').ok_or("expected X,Y, for example 12,34")?;
     let to = |n| i32::try_from(n).map_err(|_| "too large".to_owned());
     Ok((to(x)?, to(y)?))
+}
+
+fn parse_growth(text: &str) -> Result<(u32, u32), String> {
+    let range = text.split_once("..").and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    match range {
+        Some((from, to)) if 4 <= from && from <= to && to <= 30 => Ok((from, to)),
+        _ => Err("expected A..B from 4 to 30, for example 10..22".to_owned()),
+    }
+}
+
+fn parse_count(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if n > 0 => Ok(n),
+        _ => Err("expected a count of at least 1".to_owned()),
+    }
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {

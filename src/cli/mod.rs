@@ -5,6 +5,7 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this room is where the program speaks")]
 
+mod accel;
 mod args;
 mod compare;
 mod inspect;
@@ -34,6 +35,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Explain(args) => inspect::explain(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Accel(args) => accel::run(&args),
         Command::Replay(args) => inspect::replay(&args),
     };
     match result {

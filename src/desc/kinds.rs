@@ -13,7 +13,8 @@
 /// }
 /// ```
 /// makes the enum, a `From` for each kind and `Bsdf::NAMES`, the scene-file
-/// names in order. Dispatch is a `match` with one arm per kind beside it.
+/// names in order. Dispatch is a `match` with one arm per kind beside it. A
+/// kind under `#[cfg]` has one name.
 #[allow(unused_macros, reason = "used by the rooms above")]
 macro_rules! kinds {
     ($(#[$meta:meta])* pub enum $name:ident {
@@ -26,10 +27,11 @@ macro_rules! kinds {
 
         impl $name {
             /// Names of these kinds in scene files.
-            pub const NAMES: &'static [&'static str] = &[$($($file_name),*),*];
+            #[allow(unused_doc_comments, reason = "a kind's `cfg` comes along with its documentation")]
+            pub const NAMES: &'static [&'static str] = &[$($(#[$vmeta])* $($file_name),*),*];
         }
 
-        $(impl From<$ty> for $name {
+        $($(#[$vmeta])* impl From<$ty> for $name {
             fn from(kind: $ty) -> Self {
                 $name::$variant(kind)
             }
@@ -45,10 +47,11 @@ macro_rules! kinds {
 
         impl<$life> $name<$life> {
             /// Names of these kinds in scene files.
-            pub const NAMES: &'static [&'static str] = &[$($($file_name),*),*];
+            #[allow(unused_doc_comments, reason = "a kind's `cfg` comes along with its documentation")]
+            pub const NAMES: &'static [&'static str] = &[$($(#[$vmeta])* $($file_name),*),*];
         }
 
-        $(impl<$life> From<$ty> for $name<$life> {
+        $($(#[$vmeta])* impl<$life> From<$ty> for $name<$life> {
             fn from(kind: $ty) -> Self {
                 $name::$variant(kind)
             }

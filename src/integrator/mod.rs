@@ -175,7 +175,8 @@ impl CameraSample {
 }
 
 /// The shadow ray from a surface point to a light sample.
-fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> Ray {
+#[must_use]
+pub fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> Ray {
     use crate::light::Target;
     match &light.target {
         Target::Surface(target) => surface.spawn_to(target),

@@ -105,6 +105,23 @@ pub fn read_bytes(path: &Path, cap: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// Unpacks what gzip has compressed, to at most `cap` bytes; gives anything
+/// else back as it is.
+pub fn unpack(bytes: Vec<u8>, cap: u64) -> std::result::Result<Vec<u8>, String> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut unpacked = Vec::new();
+    flate2::read::MultiGzDecoder::new(&*bytes)
+        .take(cap + 1)
+        .read_to_end(&mut unpacked)
+        .map_err(|e| format!("cannot unpack it: {e}"))?;
+    if unpacked.len() as u64 > cap {
+        return Err(format!("unpacked it has more than the {cap} bytes that are read"));
+    }
+    Ok(unpacked)
+}
+
 /// Reads a UTF-8 text file of at most `cap` bytes.
 pub fn read_text(path: &Path, cap: u64) -> Result<String> {
     String::from_utf8(read_bytes(path, cap)?).map_err(|e| {
@@ -131,6 +148,18 @@ mod tests {
         for name in ["a/b.obj", "C:/a.obj", "C:\\a.obj", "../a:b.obj", "a.obj"] {
             assert!(scheme(name).is_none(), "{name}");
         }
+    }
+
+    #[test]
+    fn gzip_is_unpacked_up_to_the_cap() {
+        use std::io::Write as _;
+        let mut packer = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        packer.write_all(&[7; 1000]).unwrap();
+        let packed = packer.finish().unwrap();
+        assert_eq!(unpack(packed.clone(), 1000).unwrap(), [7; 1000]);
+        assert!(unpack(packed.clone(), 999).unwrap_err().contains("more than the 999 bytes"));
+        assert!(unpack(packed[..packed.len() / 2].to_vec(), 1000).unwrap_err().starts_with("cannot unpack"));
+        assert_eq!(unpack(b"ply".to_vec(), 1).unwrap(), b"ply");
     }
 
     #[test]

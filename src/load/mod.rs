@@ -75,18 +75,22 @@ fn finish(mut parsed: parse::Parsed, options: &LoadOptions) -> Result<SceneDesc>
     Ok(parsed.scene)
 }
 
-/// Reads one mesh file by its extension (`obj`, `ply`, `serialized`), the
-/// first shape of it, with the texture coordinates that Mitsuba would give it.
+/// Reads one mesh file by its extension (`obj`, `ply`, `ply.gz`,
+/// `serialized`), the first shape of it, with the texture coordinates that Mitsuba would give it.
 pub fn read_mesh(path: &Path) -> Result<Mesh> {
     let name = path.display().to_string();
-    let kind = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    let ending = |p: &Path| p.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    let mut kind = ending(path);
+    if kind == "gz" {
+        kind = ending(&path.with_extension("")) + ".gz";
+    }
     let request = match kind.as_str() {
         "obj" => assets::MeshRequest::Obj { flip_tex_coords: true },
-        "ply" => assets::MeshRequest::Ply { flip_tex_coords: false },
+        "ply" | "ply.gz" => assets::MeshRequest::Ply { flip_tex_coords: false },
         "serialized" => assets::MeshRequest::Serialized { shape_index: 0 },
         _ => {
             return Err(Error::new(format!("no mesh format is known by the ending `{kind}`"))
-                .hint("known: obj, ply, serialized")
+                .hint("known: obj, ply, ply.gz, serialized")
                 .at(name, Default::default()));
         }
     };

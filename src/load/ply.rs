@@ -1,7 +1,8 @@
 //! Stanford PLY, text or binary of either byte order: positions `x y z`,
 //! normals `nx ny nz`, texture coordinates `u v`, `s t` or
 //! `texture_u texture_v`, faces `vertex_index` or `vertex_indices`. Polygons
-//! become fans. Other elements and properties are passed over.
+//! become fans. Other elements and properties are passed over. A file that is
+//! compressed by gzip is unpacked first.
 //!
 //! A header that promises more than the file holds is an error before anything
 //! is allocated.
@@ -16,7 +17,8 @@ type Step<T> = std::result::Result<T, String>;
 
 /// Reads a PLY file.
 pub fn read(path: &Path, flip_tex_coords: bool) -> Result<Mesh> {
-    let bytes = files::read_bytes(path, files::MESH_CAP)?;
+    let bytes = files::unpack(files::read_bytes(path, files::MESH_CAP)?, files::MESH_CAP)
+        .map_err(|message| Error::new(format!("mesh `{}`: {message}", path.display())))?;
     let mut mesh =
         parse(&bytes).map_err(|message| Error::new(format!("mesh `{}`: {message}", path.display())))?;
     if flip_tex_coords {

@@ -47,6 +47,18 @@ impl Geometry {
         (self.triangles.len() + self.analytic.len()) as u32
     }
 
+    /// The vertices of all triangles.
+    #[must_use]
+    pub fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    /// Each triangle's vertices, as indices of positions.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
     /// Number of triangles.
     #[must_use]
     pub fn triangle_count(&self) -> u32 {

@@ -1,12 +1,14 @@
 //! How far a picture is from another: error metrics, FLIP, and the test
-//! whether two noisy pictures have the same mean.
+//! whether two noisy pictures have the same mean. How fast accelerators find
+//! hits: [`tracing`].
 //!
-//! Everything works on plain slices ([`RgbView`]), reads no files and prints
-//! nothing; reports implement `Display`.
+//! Nothing here reads files or prints; pictures are plain slices
+//! ([`RgbView`]), reports implement `Display`.
 
 mod flip;
 pub mod metrics;
 mod statistics;
+pub mod tracing;
 mod ztest;
 
 pub use flip::{FlipHdr, flip_hdr, flip_ldr};

@@ -1,4 +1,5 @@
-//! The normal distribution's tails and Šidák's correction.
+//! The normal distribution's tails and Šidák's correction; quartiles and
+//! bootstrap intervals.
 
 use std::f64::consts::{PI, SQRT_2};
 
@@ -34,6 +35,51 @@ pub(super) fn normal_deviate(t: f64, freedom: f64) -> f64 {
     }
     let shrink = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0);
     (shrink * (freedom * (t * t / freedom).ln_1p()).sqrt()).copysign(t)
+}
+
+/// The quantile `q` in [0, 1] of sorted values, linear between them (type 7 of
+/// Hyndman and Fan 1996); NaN for none.
+pub(super) fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let at = q * last as f64;
+    let low = (at as usize).min(last);
+    let high = (low + 1).min(last);
+    sorted[low] + (sorted[high] - sorted[low]) * (at - low as f64)
+}
+
+/// Lower quartile, median and upper quartile.
+pub(super) fn quartiles(values: &[f64]) -> [f64; 3] {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    [0.25, 0.5, 0.75].map(|q| quantile(&sorted, q))
+}
+
+/// Geometric mean of the medians of several samples, and the interval that
+/// holds it with probability 95 %: percentile bootstrap, every sample drawn
+/// anew from itself (Efron and Tibshirani 1993, chapter 13). A function of the
+/// values alone.
+pub(super) fn median_interval(samples: &[&[f64]]) -> [f64; 3] {
+    const DRAWS: usize = 2000;
+    let mut state = 0x853c_49e6_748f_ea9b_u64;
+    let mut below = |n: usize| {
+        // Knuth's MMIX generator; its upper bits.
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (((state >> 32) * n as u64) >> 32) as usize
+    };
+    let mean = |medians: &mut dyn Iterator<Item = f64>| {
+        (medians.map(f64::ln).sum::<f64>() / samples.len() as f64).exp()
+    };
+    let value = mean(&mut samples.iter().map(|s| quartiles(s)[1]));
+    let mut draws: Vec<f64> = (0..DRAWS)
+        .map(|_| {
+            mean(&mut samples.iter().map(|s| {
+                let drawn: Vec<f64> = s.iter().map(|_| s[below(s.len())]).collect();
+                quartiles(&drawn)[1]
+            }))
+        })
+        .collect();
+    draws.sort_unstable_by(f64::total_cmp);
+    [value, quantile(&draws, 0.025), quantile(&draws, 0.975)]
 }
 
 /// Complementary error function for x ≥ 0: a Taylor series near 0, Laplace's
@@ -87,6 +133,32 @@ mod tests {
                 two_sided_p(z)
             );
         }
+    }
+
+    #[test]
+    fn quartiles_are_linear_between_values() {
+        assert_eq!(quartiles(&[4.0, 1.0, 3.0, 2.0]), [1.75, 2.5, 3.25]);
+        assert_eq!(quartiles(&[7.0]), [7.0; 3]);
+        assert!(quartiles(&[])[1].is_nan());
+    }
+
+    /// The interval holds the true median about as often as it says.
+    #[test]
+    fn bootstrap_intervals_cover() {
+        let mut state = 1u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (mut covered, trials) = (0, 200);
+        for _ in 0..trials {
+            let sample: Vec<f64> = (0..21).map(|_| 1.0 + uniform()).collect();
+            let [_, low, high] = median_interval(&[&sample]);
+            covered += i32::from(low <= 1.5 && 1.5 <= high);
+        }
+        assert!((180..=200).contains(&covered), "{covered} of {trials}");
+        let [mean, low, high] = median_interval(&[&[2.0; 5], &[8.0; 9]]);
+        assert!((mean - 4.0).abs() < 1e-12 && (low - 4.0).abs() < 1e-12 && (high - 4.0).abs() < 1e-12);
     }
 
     #[test]
