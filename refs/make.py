@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Renders the references of refs.json with Mitsuba 3 into refs/.
 
-    python refs/make.py [--pilot] [--variant NAME] [NAME ...]
+    python refs/make.py [--pilot | --extend] [--variant NAME] [NAME ...]
 
 For each entry: NAME.exr (mean), NAME.var.exr (variance of that mean, per
 pixel and channel) and NAME.json (how it was made, and the whole image's mean
@@ -13,8 +13,13 @@ are independent and identically distributed, so that the spread of their means
 is the variance of the result. The sampler is `independent`, or `stratified`
 where a tiny visible lamp would need too many samples (its seed, too, makes
 all of a pass's randomness); never `ldsampler`, which is biased.
---pilot renders four passes, writes nothing, and prints what 4, 64, … passes
-would give. Set DRJIT_LIBLLVM_PATH if the LLVM of the system is too old.
+--pilot renders four passes, writes nothing, and prints their error.
+--extend keeps the passes that a written reference has, and adds those that
+refs.json asks for beyond them; means and sums of squares are merged exactly
+(Chan, Golub, LeVeque 1983), so that the result is that of one run up to the
+f32 rounding of the stored pixels. It writes after every 16 passes: what an
+interrupted run has done stays.
+Set DRJIT_LIBLLVM_PATH if the LLVM of the system is too old.
 """
 import argparse
 import hashlib
@@ -31,6 +36,7 @@ import OpenImageIO as oiio
 REFS = Path(__file__).resolve().parent
 SCENES = REFS.parent / "scenes"
 FIRST_SEED = 1000
+STEP = 16  # passes between two writes of --extend
 SAMPLERS = ("independent", "stratified", "multijitter")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -52,21 +58,70 @@ def load(entry):
     return path, scene
 
 
-def accumulate(scene, spp, passes):
-    """Mean image, variance of that mean, and the image mean of each pass."""
-    total, squares, means = 0.0, 0.0, []
-    for index in range(passes):
-        image = np.array(mi.render(scene, spp=spp, seed=FIRST_SEED + index), dtype=np.float64)[..., :3]
-        assert np.isfinite(image).all(), f"pass {index} is not finite"
-        # Offset by the first pass: the sum of squares then loses no digits.
-        if index == 0:
-            origin = image
-        total = total + (image - origin)
-        squares = squares + (image - origin) ** 2
-        means.append(image.mean(axis=(0, 1)))
-    shift = total / passes
-    variance = np.maximum(squares / passes - shift**2, 0) / (passes - 1)
-    return origin + shift, variance, np.array(means)
+class Moments:
+    """Count, mean, and sum of squared deviations from it, of one quantity."""
+
+    def __init__(self, count=0, mean=0.0, squares=0.0):
+        self.count, self.mean, self.squares = count, mean, squares
+
+    @classmethod
+    def stored(cls, count, mean, error):
+        """From a mean and its standard error."""
+        return cls(count, np.asarray(mean, dtype=np.float64), np.asarray(error, dtype=np.float64) ** 2 * count * (count - 1))
+
+    def merge(self, other):
+        """Takes in the values of another (Chan, Golub, LeVeque 1983, eq. 2.1)."""
+        count = self.count + other.count
+        difference = other.mean - self.mean
+        self.squares = self.squares + other.squares + difference**2 * (self.count * other.count / count)
+        self.mean = self.mean + difference * (other.count / count)
+        self.count = count
+
+    def variance(self):
+        """Variance of the mean."""
+        return self.squares / (self.count * (self.count - 1))
+
+    def error(self):
+        """Standard error of the mean."""
+        return np.sqrt(self.variance())
+
+
+class Passes:
+    """What is known of the pixels, the whole mean and its luminance."""
+
+    def __init__(self):
+        self.pixels, self.whole, self.luminance = Moments(), Moments(), Moments()
+
+    def render(self, scene, spp, seeds):
+        """Adds one pass for each seed."""
+        for seed in seeds:
+            image = np.array(mi.render(scene, spp=spp, seed=seed), dtype=np.float64)[..., :3]
+            assert np.isfinite(image).all(), f"the pass of seed {seed} is not finite"
+            mean = image.mean(axis=(0, 1))
+            self.pixels.merge(Moments(1, image))
+            self.whole.merge(Moments(1, mean))
+            self.luminance.merge(Moments(1, mean @ LUMINANCE))
+
+    def relative_error(self):
+        """Relative standard error of the mean luminance."""
+        return float(self.luminance.error() / self.luminance.mean)
+
+
+def read_passes(name, expected):
+    """The passes of a written reference, and its JSON; refuses one that was
+    made in another way."""
+    info = json.loads((REFS / f"{name}.json").read_text(encoding="utf-8"))
+    for key, value in expected.items():
+        assert info[key] == value, f"{name}: {key} was {info[key]}, now {value}: make it anew, without --extend"
+    assert info["seeds"] == [FIRST_SEED, FIRST_SEED + info["passes"] - 1], info["seeds"]
+    count = info["passes"]
+    passes = Passes()
+    mean, variance = (oiio.ImageBuf(str(REFS / f"{name}{suffix}.exr")).get_pixels(oiio.FLOAT) for suffix in ("", ".var"))
+    passes.pixels = Moments.stored(count, mean, np.sqrt(variance.astype(np.float64)))
+    passes.whole = Moments.stored(count, info["mean"], info["mean_standard_error"])
+    luminance = info["mean_luminance"]
+    passes.luminance = Moments.stored(count, luminance, luminance * info["mean_luminance_relative_error"])
+    return passes, info
 
 
 def write_exr(path, pixels):
@@ -94,64 +149,88 @@ def filter_overlap(scene):
     return {"mitchellnetravali": "mitchell", "lanczossinc": "lanczos"}.get(name, name), round(float(overlap**2), 4)
 
 
-def relative_error(means):
-    """Mean luminance of the image and its relative standard error, from passes."""
-    values = means @ LUMINANCE
-    return values.mean(), values.std(ddof=1) / np.sqrt(len(values)) / values.mean()
-
-
-def make(entry, defaults, variant, pilot):
-    spp = entry.get("spp", defaults["spp"])
-    passes = 4 if pilot else entry.get("passes", defaults["passes"])
-    assert spp <= 1024 and (pilot or passes >= 16)
-    path, scene = load(entry)
-    mi.render(scene, spp=1, seed=0)
-    wall, cpu = time.perf_counter(), time.process_time()
-    mean, variance, means = accumulate(scene, spp, passes)
-    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    value, relative = relative_error(means)
+def report(name, passes, spp, seconds):
+    """Prints how well a reference is known."""
+    mean, variance = passes.pixels.mean, passes.pixels.variance()
     height, width, _ = mean.shape
+    value = float(passes.luminance.mean)
     # What the pixels themselves say, as if they and their channels were independent.
-    pixel = np.sqrt(((variance @ LUMINANCE**2).sum())) / (width * height) / value
+    pixel = np.sqrt((variance @ LUMINANCE**2).sum()) / (width * height) / value
     gray = mean @ LUMINANCE
     worst = np.sqrt(variance.max(axis=2)).max() / value
-    print(f"{entry['name']:24} {width}x{height} {passes} x {spp} spp: mean {value:.6g} +- {100 * relative:.4f} % "
+    print(f"{name:24} {width}x{height} {passes.pixels.count} x {spp} spp: mean {value:.6g} +- {100 * passes.relative_error():.4f} % "
           f"(pixels {100 * pixel:.4f} %), worst pixel se {worst:.3g} of mean, range {gray.min():.3g}..{gray.max():.3g}; "
-          f"wall {wall:.1f} s cpu {cpu:.1f} s", flush=True)
-    if pilot:
-        return
-    write_exr(REFS / f"{entry['name']}.exr", mean)
-    write_exr(REFS / f"{entry['name']}.var.exr", variance)
+          f"wall {seconds[0]:.1f} s cpu {seconds[1]:.1f} s", flush=True)
+
+
+def write(name, passes, made, stages, scene):
+    """Writes NAME.exr, NAME.var.exr and NAME.json."""
+    mean, count = passes.pixels.mean, passes.pixels.count
+    write_exr(REFS / f"{name}.exr", mean)
+    write_exr(REFS / f"{name}.var.exr", passes.pixels.variance())
+    height, width, _ = mean.shape
     info = {
         "renderer": "Mitsuba",
+        "version": made["version"],
+        "variant": made["variant"],
+        "command": f"python refs/make.py --variant {made['variant']} {name}",
+    }
+    if len(stages) > 1:
+        # Passes after each run with --extend; one run of them all gives the same.
+        info["stages"] = stages
+    info |= {
+        **{key: made[key] for key in ("scene", "scene_sha256", "scene_flags", "defines", "sampler", "samples_per_pass")},
+        "passes": count,
+        "samples": made["samples_per_pass"] * count,
+        "seeds": [FIRST_SEED, FIRST_SEED + count - 1],
+        "width": width,
+        "height": height,
+        "mean": passes.whole.mean.tolist(),
+        "mean_standard_error": passes.whole.error().tolist(),
+        "mean_luminance": float(passes.luminance.mean),
+        "mean_luminance_relative_error": passes.relative_error(),
+    }
+    info["filter"], info["filter_overlap"] = filter_overlap(scene)
+    (REFS / f"{name}.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+
+
+def make(entry, defaults, options):
+    name, spp = entry["name"], entry.get("spp", defaults["spp"])
+    count = 4 if options.pilot else entry.get("passes", defaults["passes"])
+    assert spp <= 1024 and (options.pilot or count >= 16)
+    path, scene = load(entry)
+    made = {
         "version": mi.__version__,
-        "variant": variant,
-        "command": f"python refs/make.py --variant {variant} {entry['name']}",
+        "variant": options.variant,
         "scene": f"scenes/{entry['scene']}",
         "scene_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
         "scene_flags": {"embree_use_robust_intersections": True},
         "defines": entry.get("defines", {}),
         "sampler": entry.get("sampler", "independent"),
         "samples_per_pass": spp,
-        "passes": passes,
-        "samples": spp * passes,
-        "seeds": [FIRST_SEED, FIRST_SEED + passes - 1],
-        "width": width,
-        "height": height,
-        "mean": means.mean(axis=0).tolist(),
-        "mean_standard_error": (means.std(axis=0, ddof=1) / np.sqrt(passes)).tolist(),
-        "mean_luminance": value,
-        "mean_luminance_relative_error": relative,
     }
-    info["filter"], info["filter_overlap"] = filter_overlap(scene)
-    (REFS / f"{entry['name']}.json").write_text(json.dumps(info, indent=2) + "\n", encoding="utf-8")
+    passes, stages = Passes(), []
+    if options.extend:
+        passes, info = read_passes(name, made)
+        stages = info.get("stages", [info["passes"]])
+    mi.render(scene, spp=1, seed=0)
+    wall, cpu = time.perf_counter(), time.process_time()
+    step = STEP if options.extend else count
+    for first in range(passes.pixels.count, count, step):
+        last = min(first + step, count)
+        passes.render(scene, spp, range(FIRST_SEED + first, FIRST_SEED + last))
+        report(name, passes, spp, (time.perf_counter() - wall, time.process_time() - cpu))
+        if not options.pilot:
+            write(name, passes, made, [*stages, last], scene)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="entries of refs.json; all by default")
     parser.add_argument("--variant", default="llvm_ad_rgb")
-    parser.add_argument("--pilot", action="store_true", help="four passes, nothing written")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--pilot", action="store_true", help="four passes, nothing written")
+    how.add_argument("--extend", action="store_true", help="keep the passes of written references, add those missing")
     options = parser.parse_args()
     mi.set_variant(options.variant)
     table = json.loads((REFS / "refs.json").read_text(encoding="utf-8"))
@@ -160,7 +239,7 @@ def main():
         if name not in known:
             sys.exit(f"no reference named {name}; there are: {', '.join(known)}")
     for name in options.names or known:
-        make(known[name], table["defaults"], options.variant, options.pilot)
+        make(known[name], table["defaults"], options)
 
 
 if __name__ == "__main__":
