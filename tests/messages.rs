@@ -131,7 +131,7 @@ fn render_writes_what_was_asked_for() {
     assert_eq!(stats["paths"], 24 * 16 * 4);
     assert_eq!(stats["bad_samples"]["total"], 0);
     assert!(stats["rays"]["shadow"].as_u64().is_some_and(|n| n > 0));
-    assert_eq!(stats["plan"]["accel"], "bvh2");
+    assert_eq!(stats["plan"]["accel"], "bvh8");
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(
         text.contains("Owen-scrambled Sobol (the file says `independent`; its sample count is used)"),
