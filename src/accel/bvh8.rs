@@ -13,7 +13,7 @@ use super::collapse::{Wide, collapse};
 use super::reinsert::{Effort, improve};
 use super::simd8::{Met, Portable, Slots, Stack, WideTask, WideTest};
 use super::stats::{Share, Stats};
-use super::wide::{Block, LANES, Link, WIDTH};
+use super::wide::{Block, LANES, Link};
 use crate::desc::{Error, Result};
 use crate::math::Bounds;
 use crate::shape::{Geometry, Hit, RayProbe};
@@ -55,17 +55,14 @@ impl Quality {
 }
 
 /// Cost of opening a binary node, in leaf blocks: one box test in eight.
-const COSTS: Costs = Costs { node: 0.3, block: LANES as u32, leaf: LANES };
+const COSTS: Costs = Costs { node: 0.3, block: LANES as u32, leaf: 2 };
 /// Cost of visiting a wide node, in leaf blocks.
 const PRICE: f32 = 1.0;
 const EFFORT: Effort = Effort { rounds: 3, share: 0.1 };
 
 impl Bvh8 {
-    /// Builds the tree. Fails when there are 2²⁷ primitives or more.
+    /// Builds the tree. Fails when it takes more than 8 GiB.
     pub fn new(geometry: &Geometry, quality: Quality) -> Result<Bvh8> {
-        if geometry.prim_count() as usize >= Link::MAX {
-            return Err(Error::new("more than 2^27 primitives").hint("use instances"));
-        }
         let mut items: Vec<Item> =
             (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
         let tree = build(&mut items, COSTS).compact();
@@ -80,6 +77,9 @@ impl Bvh8 {
                 if wide.fits(Stack::SIZE) { wide } else { plain() }
             }
         };
+        if wide.arena.len() > Link::MAX {
+            return Err(Error::new("a tree of more than 8 GiB").hint("use instances"));
+        }
         Ok(Bvh8 {
             stats: stats(&wide, &geometry.bounds()),
             wide,
@@ -102,7 +102,7 @@ impl Bvh8 {
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        size_of_val(&*self.wide.nodes) + size_of_val(&*self.wide.blocks)
+        self.wide.arena.bytes()
     }
 
     pub(super) fn stats(&self) -> Stats {
@@ -113,10 +113,7 @@ impl Bvh8 {
     /// geometry have the same (FNV-1a, 64 bits).
     #[must_use]
     pub fn fingerprint(&self) -> u64 {
-        let planes = self.wide.nodes.iter().flat_map(|n| n.planes.as_flattened().iter().map(|x| x.to_bits()));
-        let links = self.wide.nodes.iter().flat_map(|n| n.children.map(|c| c.0));
-        let prims = self.wide.blocks.iter().flat_map(|b| b.prims);
-        planes.chain(links).chain(prims).fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
+        self.wide.arena.words().fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| {
             (hash ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3)
         })
     }
@@ -159,14 +156,15 @@ impl WideTask for Closest<'_> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = &self.wide.nodes[current.index()];
+                let node = self.wide.arena.node(current);
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
+                test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
                     current = test.descend(mask, near, node, &mut stack);
                     continue;
                 }
             } else {
-                let block = &self.wide.blocks[current.index()];
+                let block = self.wide.arena.block(current);
                 let mask = test.candidates(&ray, block, current.triangle_mask());
                 if mask != 0 {
                     let met = test.triangles(&ray, self.probe, block, mask, nearest.limit);
@@ -225,14 +223,15 @@ impl WideTask for Occluded<'_> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = &self.wide.nodes[current.index()];
+                let node = self.wide.arena.node(current);
                 let (mask, _) = test.boxes(&ray, node, limit);
+                test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
                     current = test.descend_any(mask, node, &mut stack);
                     continue;
                 }
             } else {
-                let block = &self.wide.blocks[current.index()];
+                let block = self.wide.arena.block(current);
                 let mask = test.candidates(&ray, block, current.triangle_mask());
                 if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
                     return true;
@@ -252,23 +251,20 @@ impl WideTask for Occluded<'_> {
 
 fn stats(wide: &Wide, bounds: &Bounds) -> Stats {
     let share = Share::new(bounds);
-    let mut stats = Stats { nodes: wide.nodes.len(), leaves: wide.blocks.len(), ..Stats::default() };
-    // Parents come before their children.
-    let mut depths = vec![1; wide.nodes.len()];
-    stats.cost = if wide.root.is_some() { 1.0 } else { 0.0 };
-    for (i, node) in wide.nodes.iter().enumerate() {
-        stats.depth = stats.depth.max(depths[i]);
-        for lane in 0..WIDTH {
-            let bounds = node.bounds(lane);
-            if bounds.is_empty() {
-                continue;
-            }
-            stats.cost += share.of(&bounds);
-            let child = node.children[lane];
-            if !child.is_leaf() {
-                depths[child.index()] = depths[i] + 1;
-            }
-        }
+    let mut stats = Stats::default();
+    if wide.root.is_some() {
+        stats.cost = 1.0;
+        stats.leaves = 1;
+    }
+    wide.for_each_node(0, |node, depth: usize| {
+        stats.nodes += 1;
+        stats.depth = stats.depth.max(depth + 1);
+        stats.cost += node.lanes().map(|lane| share.of(&node.bounds(lane))).sum::<f64>();
+        stats.leaves += node.lanes().filter(|lane| node.children[*lane].is_leaf()).count();
+        depth + 1
+    });
+    if stats.nodes > 0 {
+        stats.leaves -= 1;
     }
     stats
 }

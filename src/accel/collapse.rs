@@ -10,14 +10,15 @@
 //! C(n, i) = min(C(n, i - 1), D(n, i)).
 
 use super::build::{Item, Tree, TreeNode};
+use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::shape::Geometry;
 
-/// Nodes and blocks of a wide tree. Children of a node follow each other.
+/// A wide tree. Inner children of a node follow each other, and their blocks
+/// follow them.
 #[derive(Clone, Debug, Default)]
 pub struct Wide {
-    pub nodes: Vec<Node8>,
-    pub blocks: Vec<Block>,
+    pub arena: Arena,
     pub root: Option<Link>,
 }
 
@@ -30,11 +31,11 @@ pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) ->
         if source.plan.is_leaf(0) {
             return wide.add_leaf(&source, 0);
         }
-        wide.nodes.push(Node8::EMPTY);
-        wide.fill(&source, 0, 0);
-        Link::node(0)
+        let root = wide.arena.add_nodes(1);
+        wide.fill(&source, 0, root);
+        Link::node(root)
     });
-    wide
+    Wide { arena: wide.arena.settle(), root: wide.root }
 }
 
 /// What is collapsed.
@@ -92,53 +93,55 @@ impl Children {
 }
 
 impl Wide {
+    /// Visits all nodes, parents before children, with what `visit` has given
+    /// for the parent.
+    pub fn for_each_node<T: Copy>(&self, first: T, mut visit: impl FnMut(&Node8, T) -> T) {
+        let mut stack: Vec<(Link, T)> =
+            self.root.into_iter().filter(|root| !root.is_leaf()).map(|root| (root, first)).collect();
+        while let Some((link, above)) = stack.pop() {
+            let node = self.arena.node(link);
+            let value = visit(node, above);
+            let inner = node.lanes().map(|lane| node.children[lane]).filter(|child| !child.is_leaf());
+            stack.extend(inner.map(|child| (child, value)));
+        }
+    }
+
     /// Whether a stack of this size is enough: a visit leaves all children but
     /// one on it, and writes eight entries at once.
     pub fn fits(&self, stack: usize) -> bool {
-        let mut waiting = vec![0usize; self.nodes.len()];
         let mut most = 0;
-        // Parents come before their children.
-        for (i, node) in self.nodes.iter().enumerate() {
-            let lanes = (0..WIDTH).filter(|lane| !node.bounds(*lane).is_empty());
-            let left = waiting[i] + lanes.clone().count().saturating_sub(1);
-            most = most.max(left);
-            for child in lanes.map(|lane| node.children[lane]).filter(|child| !child.is_leaf()) {
-                waiting[child.index()] = left;
-            }
-        }
+        self.for_each_node(0, |node, waiting: usize| {
+            let waiting = waiting + node.lanes().count().saturating_sub(1);
+            most = most.max(waiting);
+            waiting
+        });
         most + WIDTH <= stack
     }
 
     fn add_leaf(&mut self, source: &Source<'_>, node: u32) -> Link {
         let (prims, count) = source.primitives(node);
         let triangles = prims.iter().filter(|prim| **prim < source.geometry.triangle_count()).count();
-        let link = Link::block(self.blocks.len(), triangles, triangles < count);
-        self.blocks.push(Block::new(source.geometry, &prims[..count]));
-        link
+        let at = self.arena.add_block(&Block::new(source.geometry, &prims[..count]));
+        Link::block(at, triangles, triangles < count)
     }
 
-    fn fill(&mut self, source: &Source<'_>, node: u32, index: usize) {
+    fn fill(&mut self, source: &Source<'_>, node: u32, at: usize) {
         let children = source.children(node);
         let children = &children.nodes[..children.count];
-        let first_inner = self.nodes.len();
-        let inner = children.iter().filter(|child| !source.plan.is_leaf(**child)).count();
-        self.nodes.resize(first_inner + inner, Node8::EMPTY);
-        let mut next = first_inner;
+        let inner = children.iter().filter(|child| !source.plan.is_leaf(**child));
+        let first = self.arena.add_nodes(inner.clone().count());
+        let mut next = first;
         for (lane, child) in children.iter().enumerate() {
             let link = if source.plan.is_leaf(*child) {
                 self.add_leaf(source, *child)
             } else {
-                next += 1;
-                Link::node(next - 1)
+                next += Arena::STEP;
+                Link::node(next - Arena::STEP)
             };
-            self.nodes[index].set(lane, &source.node(*child).bounds(), link);
+            self.arena.node_mut(at).set(lane, &source.node(*child).bounds(), link);
         }
-        let mut next = first_inner;
-        for child in children {
-            if !source.plan.is_leaf(*child) {
-                self.fill(source, *child, next);
-                next += 1;
-            }
+        for (i, child) in inner.enumerate() {
+            self.fill(source, *child, first + i * Arena::STEP);
         }
     }
 }

@@ -26,6 +26,7 @@ mod embree;
 mod reinsert;
 mod simd;
 mod simd8;
+mod simd8_arena;
 #[cfg(target_arch = "x86_64")]
 mod simd8_avx2;
 mod stats;

@@ -13,6 +13,7 @@
 use std::mem::MaybeUninit;
 
 use super::build::MAX_DEPTH;
+use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::shape::{Geometry, RayProbe};
 
@@ -36,6 +37,9 @@ pub trait WideTest: Copy {
 
     /// The same without order or distances: by lane, the last on top.
     fn descend_any(self, mask: u32, node: &Node8, stack: &mut Stack<'_>) -> Link;
+
+    /// Asks for the children in `mask` ahead of their visits.
+    fn fetch(self, mask: u32, node: &Node8, arena: &Arena);
 
     /// Those of the lanes in `mask` whose triangles may be hit: all that are,
     /// and few others.
@@ -235,6 +239,9 @@ impl WideTest for Portable {
         });
         node.children[last as usize]
     }
+
+    #[inline(always)]
+    fn fetch(self, _: u32, _: &Node8, _: &Arena) {}
 
     #[inline(always)]
     fn candidates(self, _: &PortableRay, _: &Block, mask: u32) -> u32 {

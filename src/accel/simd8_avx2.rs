@@ -9,6 +9,7 @@ use std::arch::x86_64::*;
 
 use super::simd::Avx2;
 use super::simd8::{Met, Stack, WideTask, WideTest};
+use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::math::gamma;
 use crate::shape::RayProbe;
@@ -76,6 +77,21 @@ impl WideTest for Avx2 {
     fn descend_any(self, mask: u32, node: &Node8, stack: &mut Stack<'_>) -> Link {
         // SAFETY: as above.
         unsafe { descend_any(mask, node, stack) }
+    }
+
+    #[inline(always)]
+    fn fetch(self, mut mask: u32, node: &Node8, arena: &Arena) {
+        while mask != 0 {
+            let child = node.children[mask.trailing_zeros() as usize % WIDTH];
+            let address = arena.address(child).cast::<i8>();
+            // SAFETY: fetching reads nothing, at any address.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(address);
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64));
+                _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(128));
+            }
+            mask &= mask - 1;
+        }
     }
 
     #[inline(always)]

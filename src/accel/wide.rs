@@ -35,6 +35,11 @@ impl Node8 {
         self.children[lane] = child;
     }
 
+    /// Lanes that have a child.
+    pub fn lanes(&self) -> impl Iterator<Item = usize> {
+        (0..WIDTH).filter(|lane| self.planes[0][*lane] <= self.planes[1][*lane])
+    }
+
     /// The box of a lane.
     pub fn bounds(&self, lane: usize) -> Bounds {
         let corner = |side: usize| Vec3::from_array([0, 2, 4].map(|i| self.planes[i + side][lane]));
@@ -42,19 +47,21 @@ impl Node8 {
     }
 }
 
-/// A child in 32 bits: the index of a node; or bit 31, the number of triangles
-/// in three bits, bit 27 when analytic primitives follow them, and the index
-/// of a block.
+/// A child in 32 bits: bit 31 for a leaf, three bits of what is in it, and an
+/// index into the arena. Leaves have one to four triangles (0 to 3), or up to
+/// three and analytic primitives after them (4 to 7).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(transparent)]
 pub struct Link(pub u32);
 
 impl Link {
     const LEAF: u32 = 1 << 31;
-    const COUNT_SHIFT: u32 = 28;
-    const ANALYTIC: u32 = 1 << 27;
-    /// Nodes and blocks have indices below this.
-    pub const MAX: usize = 1 << 27;
+    const ANALYTIC: u32 = 1 << 30;
+    const KIND_SHIFT: u32 = 28;
+    /// For each kind of leaf one bit for each of its triangles.
+    const MASKS: u32 = 0x7310_f731;
+    /// Indices are below this.
+    pub const MAX: usize = 1 << 28;
 
     /// A node.
     pub fn node(index: usize) -> Link {
@@ -65,8 +72,8 @@ impl Link {
     /// A block.
     pub fn block(index: usize, triangles: usize, analytic: bool) -> Link {
         debug_assert!(index < Link::MAX && triangles <= LANES, "{index} {triangles}");
-        let flag = if analytic { Link::ANALYTIC } else { 0 };
-        Link(Link::LEAF | (triangles as u32) << Link::COUNT_SHIFT | flag | index as u32)
+        let kind = if analytic { triangles + LANES } else { triangles.saturating_sub(1) };
+        Link(Link::LEAF | (kind as u32) << Link::KIND_SHIFT | index as u32)
     }
 
     #[inline(always)]
@@ -83,7 +90,7 @@ impl Link {
     /// One bit for each triangle of a leaf.
     #[inline(always)]
     pub fn triangle_mask(self) -> u32 {
-        (1 << ((self.0 >> Link::COUNT_SHIFT) & 7)) - 1
+        Link::MASKS >> ((self.0 >> (Link::KIND_SHIFT - 2)) & 28) & 15
     }
 
     /// A leaf that has analytic primitives.

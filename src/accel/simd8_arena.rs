@@ -1,0 +1,122 @@
+//! The memory of an 8-wide tree: nodes and blocks in one array, each close to
+//! what is visited before it.
+
+#![allow(
+    unsafe_code,
+    reason = "nodes and blocks are views of the same array; each block says why it is sound"
+)]
+
+use super::wide::{Block, Link, Node8};
+
+/// What an arena is measured in: 32 bytes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct Unit([u32; 8]);
+
+const NODE: usize = size_of::<Node8>() / size_of::<Unit>();
+const BLOCK: usize = size_of::<Block>() / size_of::<Unit>();
+
+const _: () = assert!(size_of::<Node8>() == NODE * 32 && align_of::<Node8>() == 32);
+const _: () = assert!(size_of::<Block>() == BLOCK * 32 && align_of::<Block>() == 32);
+
+/// Nodes and blocks, found by the index of their first unit.
+#[derive(Clone, Debug, Default)]
+pub struct Arena {
+    units: Vec<Unit>,
+}
+
+impl Arena {
+    /// Room for nodes without children, one after the other.
+    pub fn add_nodes(&mut self, count: usize) -> usize {
+        let at = self.units.len();
+        let empty = Node8::EMPTY;
+        for _ in 0..count {
+            // SAFETY: a node is seven units of plain numbers.
+            self.units.extend_from_slice(unsafe { &*(&raw const empty).cast::<[Unit; NODE]>() });
+        }
+        at
+    }
+
+    /// Adds a block.
+    pub fn add_block(&mut self, block: &Block) -> usize {
+        let at = self.units.len();
+        // SAFETY: a block is five units of plain numbers.
+        self.units.extend_from_slice(unsafe { &*(&raw const *block).cast::<[Unit; BLOCK]>() });
+        at
+    }
+
+    /// Units from one node to the next.
+    pub const STEP: usize = NODE;
+
+    /// The node at an index.
+    pub fn node_mut(&mut self, at: usize) -> &mut Node8 {
+        let units = &mut self.units[at..at + NODE];
+        // SAFETY: seven units are a node's size and alignment, and any numbers
+        // are a node.
+        unsafe { &mut *units.as_mut_ptr().cast::<Node8>() }
+    }
+
+    /// The node of a link.
+    #[inline(always)]
+    pub fn node(&self, link: Link) -> &Node8 {
+        let units = &self.units[link.index()..][..NODE];
+        // SAFETY: as in `node_mut`.
+        unsafe { &*units.as_ptr().cast::<Node8>() }
+    }
+
+    /// The block of a link.
+    #[inline(always)]
+    pub fn block(&self, link: Link) -> &Block {
+        let units = &self.units[link.index()..][..BLOCK];
+        // SAFETY: five units are a block's size and alignment, and any numbers
+        // are a block.
+        unsafe { &*units.as_ptr().cast::<Block>() }
+    }
+
+    /// Where a link leads, as an address to be fetched ahead.
+    #[inline(always)]
+    pub fn address(&self, link: Link) -> *const Unit {
+        self.units.as_ptr().wrapping_add(link.index())
+    }
+
+    /// All numbers in turn.
+    pub fn words(&self) -> impl Iterator<Item = u32> {
+        self.units.iter().flat_map(|unit| unit.0)
+    }
+
+    /// In units.
+    pub fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    /// In bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.units)
+    }
+
+    /// The same without slack, in large pages where the system has them: rays
+    /// jump about in it, and a translation missed costs as much as the data.
+    pub fn settle(&self) -> Arena {
+        let mut units = Vec::with_capacity(self.units.len());
+        advise_large_pages(&units);
+        units.extend_from_slice(&self.units);
+        Arena { units }
+    }
+}
+
+/// Asks for large pages for memory that has not been touched yet.
+fn advise_large_pages(units: &Vec<Unit>) {
+    #[cfg(target_os = "linux")]
+    {
+        const PAGE: usize = 4096;
+        let from = (units.as_ptr() as usize).next_multiple_of(PAGE);
+        let to = (units.as_ptr() as usize + units.capacity() * size_of::<Unit>()) / PAGE * PAGE;
+        if from < to {
+            // SAFETY: the pages are inside of an allocation of ours; the advice
+            // does not change what is in them. Refusal changes nothing.
+            unsafe { libc::madvise(from as *mut libc::c_void, to - from, libc::MADV_HUGEPAGE) };
+        }
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = units;
+}
