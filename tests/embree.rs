@@ -9,7 +9,7 @@ mod common_shape;
 
 use std::hint::black_box;
 
-use common_shape::{Random, single_mesh, soup, sphere_mesh};
+use common_shape::{Random, mesh_of, single_mesh, soup, sphere_mesh};
 use etendue::accel::{Accel, EmbreeMode, EmbreeNative};
 use etendue::math::{DVec3, Ray, Transform, Vec3};
 use etendue::shape::{Geometry, GeometryBuilder, Hit, MeshOptions};
@@ -167,6 +167,28 @@ fn the_native_test_is_near_ours() {
         alone <= count / 1000 && others <= count / 1000 && shadows <= count / 1000,
         "{alone} {others} {shadows}"
     );
+}
+
+/// Rays that leave a large floor do not meet it again, which would make them
+/// cheap in a race.
+#[test]
+fn native_rays_leave_their_triangle() {
+    let corners = [Vec3::new(-50.0, 0.0, -35.0), Vec3::new(0.0, 0.0, 60.0), Vec3::new(50.0, 0.0, -35.0)];
+    let geometry = single_mesh(&mesh_of(&[corners]));
+    let native = EmbreeNative::new(&geometry, EmbreeMode::Robust).unwrap();
+    let mut random = Random::new(30);
+    let mut left = 0;
+    for _ in 0..5000 {
+        let origin = random.vector() + Vec3::Y * 2.0;
+        let ray = Ray::new(origin, random.vector() * Vec3::new(20.0, 0.0, 20.0) - origin);
+        let hit = geometry.intersect(0, &ray, f32::INFINITY).unwrap();
+        let up = random.direction();
+        let spawned =
+            geometry.surface(&ray, &hit).spawn(Vec3::new(up.x, up.y.abs().max(0.01), up.z).normalize(), 0.0);
+        assert_eq!(native.closest(&geometry, &spawned), None, "{spawned:?}");
+        left += 1;
+    }
+    assert_eq!(left, 5000);
 }
 
 /// At vertices of a closed mesh the native test misses some rays (why it is no
