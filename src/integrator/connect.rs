@@ -8,11 +8,9 @@
 //! noise at all (Talbot, Cline, Egbert 2005, "Importance Resampling for Global
 //! Illumination", with the densities of the candidates in the MIS weights).
 
-use smallvec::SmallVec;
-
 use crate::math::{Rgb, Vec2};
 use crate::sampling::power_heuristic;
-use crate::scene::{ChosenLight, FEW_LIGHTS, Interaction, Scene};
+use crate::scene::{ChosenLight, Interaction, Scene};
 
 /// How many samples each strategy takes at a vertex.
 #[derive(Clone, Copy, Debug)]
@@ -45,24 +43,31 @@ pub fn connect(
     u: Vec2,
     counts: Counts,
 ) -> Option<Connection> {
-    let lights = scene.sample_lights(hit, u_choice, u);
-    if let [light] = lights.as_slice() {
-        return weigh(hit, light, counts);
+    // One stands for all, drawn on the way; `rest` is what its choices leave of a number.
+    let mut chosen: Option<Connection> = None;
+    let (mut sum, mut share, mut rest) = (0.0, 0.0, None);
+    for light in scene.sample_lights(hit, u_choice, u) {
+        let Some(connection) = weigh(hit, &light, counts) else { continue };
+        let weight = f64::from(connection.contribution.element_sum());
+        sum += weight;
+        if chosen.is_none() {
+            (chosen, share) = (Some(connection), weight);
+            continue;
+        }
+        let u = rest.unwrap_or_else(|| f64::from(scene.selection.left_over(u_choice, u)));
+        let chance = weight / sum;
+        rest = if u < chance {
+            (chosen, share) = (Some(connection), weight);
+            Some(u / chance)
+        } else {
+            Some((u - chance) / (1.0 - chance))
+        };
     }
-    let all: SmallVec<[Connection; FEW_LIGHTS]> =
-        lights.iter().filter_map(|light| weigh(hit, light, counts)).collect();
-    let sum: f32 = all.iter().map(|c| c.contribution.element_sum()).sum();
-    // One stands for all: the number is what the choice of candidates left over.
-    let mut rest = scene.selection.left_over(u_choice, u) * sum;
-    let (last, others) = all.split_last()?;
-    let chosen = others.iter().find(|c| {
-        rest -= c.contribution.element_sum();
-        rest < 0.0
-    });
-    let chosen = chosen.unwrap_or(last);
-    let share = chosen.contribution.element_sum() / sum;
-    let contribution = chosen.contribution / share;
-    contribution.is_finite().then_some(Connection { contribution, ..*chosen })
+    let mut chosen = chosen?;
+    if rest.is_some() {
+        chosen.contribution *= (sum / share) as f32;
+    }
+    chosen.contribution.is_finite().then_some(chosen)
 }
 
 /// What one light sample contributes.

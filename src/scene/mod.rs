@@ -10,11 +10,9 @@ mod plan;
 mod select;
 
 pub use plan::Plan;
-pub use select::{Candidates, Choice, FEW_LIGHTS, LightSelection};
+pub use select::{Candidates, Choice, LightSelection};
 
 use std::sync::Arc;
-
-use smallvec::SmallVec;
 
 use crate::accel::Accel;
 use crate::camera::Camera;
@@ -175,22 +173,20 @@ impl Scene {
 
     /// Chooses lights, and a direction towards each, as seen from a hit. The
     /// light that is reflected has the mean of Σ f·|cos θ|·L / pdf.
-    #[must_use]
-    pub fn sample_lights(
-        &self,
-        hit: &Interaction,
+    pub fn sample_lights<'a>(
+        &'a self,
+        hit: &'a Interaction,
         u_choice: f32,
         u: Vec2,
-    ) -> SmallVec<[ChosenLight; FEW_LIGHTS]> {
+    ) -> impl Iterator<Item = ChosenLight> + 'a {
         let receiver = hit.receiver();
         let more = u.x.to_bits() ^ u.y.to_bits().rotate_left(16);
         let candidates = self.selection.candidates(&receiver, u_choice, more);
-        let sample = |Choice { light, prim, rate }: Choice| {
+        candidates.into_iter().filter_map(move |Choice { light, prim, rate }| {
             let sample = self.lights[light].sample_part(&self.geometry, &receiver, prim, u)?;
             let sample = not_itself(hit.surface, sample)?;
             Some(ChosenLight { sample, pdf: sample.pdf * rate })
-        };
-        candidates.into_iter().filter_map(sample).collect()
+        })
     }
 
     /// A direction towards one light, by its index.

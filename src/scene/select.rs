@@ -19,13 +19,13 @@
 
 use smallvec::SmallVec;
 
-use crate::light::{Emitter, Light, LightTree, Receiver};
+use crate::light::{Emitter, Light, LightTree, Receiver, TreeWalk};
 use crate::math::Vec2;
 use crate::sampling::AliasTable;
 use crate::shape::{Geometry, PrimId};
 
 /// Each of so many lights is a candidate.
-pub const FEW_LIGHTS: usize = 4;
+const FEW_LIGHTS: usize = 4;
 /// A tree is built for more emitters than this.
 const FEW_EMITTERS: usize = 2;
 /// Candidates that a tree draws for a vertex.
@@ -134,9 +134,9 @@ impl LightSelection {
     pub fn candidates(&self, receiver: &Receiver, u: f32, more: u32) -> Candidates {
         if let Some(tree) = &self.tree {
             let u = finer(u, more);
-            return (0..DRAWS)
-                .filter_map(|draw| self.draw(tree, receiver, (f64::from(draw) + u) / f64::from(DRAWS)))
-                .collect();
+            let mut walk = tree.walk(receiver);
+            let draws = (0..DRAWS).map(|draw| (f64::from(draw) + u) / f64::from(DRAWS));
+            return draws.filter_map(|u| self.draw(&mut walk, u)).collect();
         }
         if let Some(table) = &self.table {
             let chosen = table.sample(u);
@@ -147,7 +147,7 @@ impl LightSelection {
     }
 
     /// One draw from the tree and the lights at infinity.
-    fn draw(&self, tree: &LightTree, receiver: &Receiver, u: f64) -> Option<Choice> {
+    fn draw(&self, walk: &mut TreeWalk, u: f64) -> Option<Choice> {
         let (mut light, mut u) = (self.rates.len(), u);
         if let Some(table) = &self.table {
             let chosen = table.sample_f64(u);
@@ -156,7 +156,7 @@ impl LightSelection {
         if light < self.rates.len() {
             return Some(Choice { light, prim: None, rate: self.rates[light] });
         }
-        let chosen = tree.sample(receiver, u)?;
+        let chosen = walk.sample(u)?;
         let rate = chosen.pmf * self.tree_rate;
         (rate > 0.0).then_some(Choice { light: chosen.light as usize, prim: Some(chosen.prim), rate })
     }

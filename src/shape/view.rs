@@ -60,7 +60,7 @@ impl SphereView {
         }
     }
 
-    /// A point of the sphere and its direction; `None` in the rare case that
+    /// A bare point of the sphere and its direction; `None` in the rare case that
     /// the viewer is on the surface and the direction leads out.
     pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
         match self.cone {
@@ -80,7 +80,7 @@ impl SphereView {
         let c = (self.from.length() - sphere.radius) * (self.from.length() + sphere.radius);
         let root = (b * b - c).max(0.0).sqrt();
         let t = if b <= 0.0 { root - b } else { -c / (root + b) };
-        let point = sphere.at((self.from + wi * t).try_normalize()?);
+        let point = sphere.bare((self.from + wi * t).try_normalize()?);
         (t > 0.0).then_some((point, wi))
     }
 }
