@@ -255,9 +255,9 @@ fn directions_follow_the_density_of_the_scene() {
     let total: f64 = expected.iter().sum();
     let draws = scene.selection.most_candidates() as f64;
     assert!((total - draws).abs() < 5e-3 * draws, "the density integrates to {total}");
-    let (mut counts, n) = (vec![0u32; grid.len()], 40_000);
+    let (mut counts, n) = (vec![0u32; grid.len()], 40_000u32);
     let draws = scene.selection.most_candidates();
-    for _ in 0..n / draws {
+    for _ in 0..n as usize / draws {
         let choices = scene.selection.candidates(&receiver, rng.random(), rng.random());
         assert_eq!(choices.len(), draws);
         for choice in choices {

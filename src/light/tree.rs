@@ -38,6 +38,8 @@ pub(super) struct Node {
     pub halves: [Half; 2],
     /// A node, or [`LEAF`] and a leaf.
     pub child: [u32; WIDTH],
+    /// How many children there are.
+    pub count: u32,
 }
 
 /// Four children in columns.
@@ -223,11 +225,13 @@ fn choose(chances: &[f32; WIDTH], u: f64) -> (usize, f64) {
 
 impl Node {
     /// Share of the chances that all children with importance have equally.
-    const FLOOR: f32 = 1.0 / 16.0;
+    const FLOOR: f32 = 1.0 / 64.0;
 
     /// Probability of each child; `None` when none has importance.
     fn chances(&self, query: &Query) -> Option<[f32; WIDTH]> {
-        let [a, b] = [self.halves[0].importance(query), self.halves[1].importance(query)];
+        let a = self.halves[0].importance(query);
+        // Children fill the slots in order: the second half is often empty.
+        let b = if self.count > 4 { self.halves[1].importance(query) } else { Vec4::ZERO };
         let (on_a, on_b) = (a.cmpgt(Vec4::ZERO), b.cmpgt(Vec4::ZERO));
         let count = (on_a.bitmask() | on_b.bitmask() << 4).count_ones();
         if count == 0 {

@@ -184,7 +184,7 @@ impl RectView {
     const MIN_SOLID_ANGLE: f64 = 1e-7;
     /// Sampling by solid angle pays when the diagonal is longer than this
     /// fraction of the distance.
-    const MIN_RATIO: f64 = 0.5;
+    const MIN_RATIO: f64 = 1.0;
 
     /// The view of a rectangle from a point.
     #[must_use]
