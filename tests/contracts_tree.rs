@@ -276,7 +276,7 @@ fn directions_follow_the_density_of_the_scene() {
     }
     let odd = counts.iter().map(|c| c >> 20).sum::<u32>();
     assert!(odd < 40, "{odd} of {n} densities differ");
-    let (mut chi2, mut freedom) = (0.0, -1.0);
+    let (mut chi2, mut freedom): (f64, f64) = (0.0, -1.0);
     let mut pool = (0.0, 0.0);
     for (count, share) in counts.iter().zip(&expected) {
         let (count, e) = (f64::from(count & 0xf_ffff), share / total * f64::from(n));
@@ -288,7 +288,7 @@ fn directions_follow_the_density_of_the_scene() {
         }
     }
     chi2 += (pool.0 - pool.1).powi(2) / pool.1;
-    let limit = freedom + 5.0 * (2.0 * freedom as f64).sqrt();
+    let limit = freedom + 5.0 * (2.0 * freedom).sqrt();
     assert!(freedom > 20.0 && chi2 < limit, "χ² = {chi2} with {freedom} degrees of freedom");
 }
 
