@@ -67,7 +67,7 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
         let hit = scene.interact(&surface, -ray.dir, &mut room);
         let dimension = 100 + depth * 8;
         let u = camera.sampler;
-        if let Some(light) = scene.sample_light(&hit, u.get_1d(dimension), u.get_2d(dimension + 1)) {
+        for light in scene.sample_lights(&hit, u.get_1d(dimension), u.get_2d(dimension + 1)) {
             let (mut f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
             if bug == Bug::MissingCosine {
                 f /= hit.surface.ns.dot(light.sample.wi).abs().max(1e-4);

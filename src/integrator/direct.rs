@@ -4,6 +4,7 @@
 //! n_b bsdf samples, combined with the power heuristic over nₑ·pₑ and n_b·p_b.
 //! With one of the counts at zero it is the other strategy alone.
 
+use super::connect::{Connection, Counts, connect};
 use super::{CameraSample, Event, Record, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::material::Scatter;
@@ -62,18 +63,9 @@ impl Direct {
     ) -> Rgb {
         // Further samples use the sets of later vertices, which have no other use here.
         let (choice, u) = camera.light(scene, i);
-        let Some(light) = scene.sample_light(hit, choice, u) else { return Rgb::ZERO };
-        let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
-        let n = self.emitter_samples as f32;
-        let mis = if light.sample.delta {
-            1.0
-        } else {
-            power_heuristic(light.pdf * n, pdf * self.bsdf_samples as f32)
-        };
-        let contribution = f * light.sample.radiance * (mis / (light.pdf * n));
-        if contribution == Rgb::ZERO {
-            return Rgb::ZERO;
-        }
+        let counts = Counts { light: self.emitter_samples as f32, bsdf: self.bsdf_samples as f32 };
+        let Some(found) = connect(scene, hit, choice, u, counts) else { return Rgb::ZERO };
+        let Connection { light, f, mis, contribution } = found;
         record.counters().shadow_rays += 1;
         let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
         let contribution = if occluded { Rgb::ZERO } else { contribution };

@@ -5,6 +5,7 @@
 
 mod ambient;
 mod build;
+mod connect;
 mod direct;
 mod path;
 mod record;

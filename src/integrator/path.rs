@@ -10,6 +10,7 @@
 //! bounded, η² undoes the radiance scaling inside a medium. Mitsuba's cap of
 //! 0.95 would make the variance infinite for albedos above 0.975.
 
+use super::connect::{Connection, Counts, connect};
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
 use crate::film::PixelSample;
 use crate::light::Receiver;
@@ -165,13 +166,11 @@ impl Path {
             return Rgb::ZERO;
         }
         let (choice, u) = camera.light(scene, state.bounce);
-        let Some(light) = scene.sample_light(hit, choice, u) else { return Rgb::ZERO };
-        let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
-        if f == Rgb::ZERO {
+        let Some(found) = connect(scene, hit, choice, u, Counts { light: 1.0, bsdf: 1.0 }) else {
             return Rgb::ZERO;
-        }
-        let mis = if light.sample.delta { 1.0 } else { power_heuristic(light.pdf, pdf) };
-        let contribution = state.beta * f * light.sample.radiance * (mis / light.pdf);
+        };
+        let Connection { light, f, mis, contribution } = found;
+        let contribution = state.beta * contribution;
         if contribution == Rgb::ZERO {
             return Rgb::ZERO;
         }

@@ -32,7 +32,7 @@ pub use parse::{area_emission_from_desc, emitter_from_desc};
 pub use point::Point;
 pub use receiver::Receiver;
 pub use spot::Spot;
-pub use tree::{LightTree, TreeSample};
+pub use tree::{LightTree, TreeSample, TreeWalk};
 
 use crate::desc::kinds;
 use crate::math::{Rgb, Vec2, Vec3};

@@ -20,6 +20,7 @@
 //! square over- or underflows.
 
 use glam::Vec4;
+use smallvec::SmallVec;
 
 use super::tree_build::Builder;
 use super::{Emitter, Receiver};
@@ -37,6 +38,8 @@ pub(super) struct Node {
     pub halves: [Half; 2],
     /// A node, or [`LEAF`] and a leaf.
     pub child: [u32; WIDTH],
+    /// How many children there are.
+    pub count: u32,
 }
 
 /// Four children in columns.
@@ -68,6 +71,7 @@ pub(super) struct Leaf {
 }
 
 /// A receiver in units of the tree.
+#[derive(Clone, Copy, Debug)]
 struct Query {
     p: Vec3,
     n: Vec3,
@@ -107,26 +111,17 @@ impl LightTree {
         Builder::build(emitters, weight)
     }
 
+    /// Draws of one receiver, which share what they find on the way down.
+    #[must_use]
+    pub fn walk(&self, receiver: &Receiver) -> TreeWalk<'_> {
+        TreeWalk { tree: self, query: self.query(receiver), path: SmallVec::new() }
+    }
+
     /// Chooses an emitter by a uniform `u` in [0, 1). `None` where nothing that
     /// shines on the receiver is found.
     #[must_use]
     pub fn sample(&self, receiver: &Receiver, u: f64) -> Option<TreeSample> {
-        let query = self.query(receiver);
-        let (mut node, mut pmf, mut u) = (0, 1.0, u);
-        loop {
-            let chances = self.nodes[node].chances(&query)?;
-            let (slot, below) = choose(&chances, u);
-            let chance = f64::from(chances[slot]);
-            pmf *= chance;
-            u = ((u - below) / chance).clamp(0.0, 1.0 - f64::EPSILON);
-            let child = self.nodes[node].child[slot];
-            if child & LEAF != 0 {
-                let Leaf { light, prim, .. } = self.leaves[(child & !LEAF) as usize];
-                let pmf = pmf as f32;
-                return (pmf > 0.0).then_some(TreeSample { light, prim, pmf });
-            }
-            node = child as usize;
-        }
+        self.walk(receiver).sample(u)
     }
 
     /// The probability with which [`LightTree::sample`] chooses a primitive of
@@ -176,15 +171,50 @@ impl LightTree {
     }
 }
 
+/// See [`LightTree::walk`].
+#[derive(Debug)]
+pub struct TreeWalk<'a> {
+    tree: &'a LightTree,
+    query: Query,
+    /// The nodes that the last draw went through, with the chances of their children.
+    path: SmallVec<[(u32, [f32; WIDTH]); 6]>,
+}
+
+impl TreeWalk<'_> {
+    /// See [`LightTree::sample`].
+    #[must_use]
+    pub fn sample(&mut self, u: f64) -> Option<TreeSample> {
+        let (mut node, mut pmf, mut u) = (0, 1.0, u);
+        for level in 0.. {
+            if self.path.get(level).is_none_or(|(known, _)| *known != node) {
+                self.path.truncate(level);
+                self.path.push((node, self.tree.nodes[node as usize].chances(&self.query)?));
+            }
+            let chances = &self.path[level].1;
+            let (slot, below) = choose(chances, u);
+            let chance = f64::from(chances[slot]);
+            pmf *= chance;
+            u = ((u - below) / chance).clamp(0.0, 1.0 - f64::EPSILON);
+            let child = self.tree.nodes[node as usize].child[slot];
+            if child & LEAF != 0 {
+                let Leaf { light, prim, .. } = self.tree.leaves[(child & !LEAF) as usize];
+                let pmf = pmf as f32;
+                return (pmf > 0.0).then_some(TreeSample { light, prim, pmf });
+            }
+            node = child;
+        }
+        None
+    }
+}
+
 /// The child that `u` falls on, and the sum of the chances before it. Never
 /// one without a chance.
 fn choose(chances: &[f32; WIDTH], u: f64) -> (usize, f64) {
-    let mut ends = [0.0; WIDTH];
-    let mut sum = 0.0;
-    for (end, chance) in ends.iter_mut().zip(chances) {
-        sum += f64::from(*chance);
-        *end = sum;
-    }
+    let [a, b, c, d, e, f, g, h] = chances.map(f64::from);
+    // Sums by halves: shorter than one after the other.
+    let (ab, cd, ef, gh) = (a + b, c + d, e + f, g + h);
+    let (abcd, efgh) = (ab + cd, ef + gh);
+    let ends = [a, ab, ab + c, abcd, abcd + e, abcd + ef, abcd + (ef + g), abcd + efgh];
     let mut slot = ends.iter().filter(|end| **end <= u).count();
     if slot >= WIDTH {
         // Rounding left a gap at the end.
@@ -195,11 +225,13 @@ fn choose(chances: &[f32; WIDTH], u: f64) -> (usize, f64) {
 
 impl Node {
     /// Share of the chances that all children with importance have equally.
-    const FLOOR: f32 = 1.0 / 16.0;
+    const FLOOR: f32 = 1.0 / 64.0;
 
     /// Probability of each child; `None` when none has importance.
     fn chances(&self, query: &Query) -> Option<[f32; WIDTH]> {
-        let [a, b] = [self.halves[0].importance(query), self.halves[1].importance(query)];
+        let a = self.halves[0].importance(query);
+        // Children fill the slots in order: the second half is often empty.
+        let b = if self.count > 4 { self.halves[1].importance(query) } else { Vec4::ZERO };
         let (on_a, on_b) = (a.cmpgt(Vec4::ZERO), b.cmpgt(Vec4::ZERO));
         let count = (on_a.bitmask() | on_b.bitmask() << 4).count_ones();
         if count == 0 {

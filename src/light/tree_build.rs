@@ -135,6 +135,7 @@ impl<'a> Builder<'a> {
                 self.node(group, level + 1, trail)
             };
             self.nodes[index].child[slot] = child;
+            self.nodes[index].count = slot as u32 + 1;
         }
         index as u32
     }

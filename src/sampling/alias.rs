@@ -79,17 +79,26 @@ impl AliasTable {
     /// Chooses by a uniform `u` in [0, 1). Never an index of probability 0.
     #[must_use]
     pub fn sample(&self, u: f32) -> AliasSample {
+        let (index, u) = self.sample_f64(f64::from(u));
+        AliasSample { index, pmf: self.columns[index].pmf, u: (u as f32).clamp(0.0, ONE_MINUS_EPSILON) }
+    }
+
+    /// The same with a number of more digits: the index, and what is left of
+    /// `u`, in [0, 1).
+    #[must_use]
+    pub fn sample_f64(&self, u: f64) -> (usize, f64) {
         let n = self.columns.len();
-        let scaled = f64::from(u) * n as f64;
+        let scaled = u * n as f64;
         let first = (scaled as usize).min(n - 1);
-        let rest = (scaled - first as f64) as f32;
+        let rest = scaled - first as f64;
         let column = self.columns[first];
-        let (index, u) = if rest < column.keep {
-            (first, rest / column.keep)
+        let keep = f64::from(column.keep);
+        let (index, u) = if rest < keep {
+            (first, rest / keep)
         } else {
-            (column.alias as usize, (rest - column.keep) / (1.0 - column.keep))
+            (column.alias as usize, (rest - keep) / (1.0 - keep))
         };
-        AliasSample { index, pmf: self.columns[index].pmf, u: u.clamp(0.0, ONE_MINUS_EPSILON) }
+        (index, u.clamp(0.0, 1.0 - f64::EPSILON))
     }
 
     /// The probability of an index.

@@ -287,6 +287,8 @@ impl Builder<'_> {
                         let pos = self.desc.object(object).pos;
                         return Err(self.desc.error(pos, "this area light has no area"));
                     };
+                    let plain = emission.radiance.is_constant().is_some();
+                    let sampler = if plain { sampler.without_uv() } else { sampler };
                     (Light::Area(AreaLight { sampler, emission }), Some(shape))
                 }
             };

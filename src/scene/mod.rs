@@ -10,7 +10,7 @@ mod plan;
 mod select;
 
 pub use plan::Plan;
-pub use select::{Choice, LightSelection};
+pub use select::{Candidates, Choice, LightSelection};
 
 use std::sync::Arc;
 
@@ -99,12 +99,13 @@ impl Interaction<'_, '_> {
     }
 }
 
-/// A light sample with the probability of having chosen the light in it.
+/// A light sample of [`Scene::sample_lights`].
 #[derive(Clone, Copy, Debug)]
 pub struct ChosenLight {
     /// The sample; its pdf does not include the choice.
     pub sample: LightSample,
-    /// Per solid angle, including the choice (discrete for delta lights).
+    /// Samples per solid angle, the rate of the choice included (for delta
+    /// lights the rate alone).
     pub pdf: f32,
 }
 
@@ -170,26 +171,33 @@ impl Scene {
         self.environment.map_or(Rgb::ZERO, |i| self.lights[i as usize].environment(wi))
     }
 
-    /// Chooses a light and a direction towards it, as seen from a hit.
-    #[must_use]
-    pub fn sample_light(&self, hit: &Interaction, u_choice: f32, u: Vec2) -> Option<ChosenLight> {
+    /// Chooses lights, and a direction towards each, as seen from a hit. The
+    /// light that is reflected has the mean of Σ f·|cos θ|·L / pdf.
+    pub fn sample_lights<'a>(
+        &'a self,
+        hit: &'a Interaction,
+        u_choice: f32,
+        u: Vec2,
+    ) -> impl Iterator<Item = ChosenLight> + 'a {
         let receiver = hit.receiver();
         let more = u.x.to_bits() ^ u.y.to_bits().rotate_left(16);
-        let Choice { light, prim, pmf } = self.selection.sample(&receiver, u_choice, more)?;
-        let sample = self.lights[light].sample_part(&self.geometry, &receiver, prim, u)?;
-        let sample = not_itself(&hit.surface, sample)?;
-        Some(ChosenLight { sample, pdf: sample.pdf * pmf })
+        let candidates = self.selection.candidates(&receiver, u_choice, more);
+        candidates.into_iter().filter_map(move |Choice { light, prim, rate }| {
+            let sample = self.lights[light].sample_part(&self.geometry, &receiver, prim, u)?;
+            let sample = not_itself(hit.surface, sample)?;
+            Some(ChosenLight { sample, pdf: sample.pdf * rate })
+        })
     }
 
     /// A direction towards one light, by its index.
     #[must_use]
     pub fn sample_one_light(&self, index: usize, hit: &Interaction, u: Vec2) -> Option<LightSample> {
         let sample = self.lights[index].sample(&self.geometry, &hit.receiver(), u)?;
-        not_itself(&hit.surface, sample)
+        not_itself(hit.surface, sample)
     }
 
-    /// Pdf per solid angle with which [`Scene::sample_light`] for the receiver
-    /// would have found the emitting `surface` in direction `wi`.
+    /// Pdf per solid angle, rate included, with which [`Scene::sample_lights`]
+    /// for the receiver would have found the emitting `surface` in direction `wi`.
     #[must_use]
     pub fn light_pdf(
         &self,
@@ -200,12 +208,12 @@ impl Scene {
     ) -> f32 {
         let Some(index) = self.light_of_shape(surface.shape) else { return 0.0 };
         let Light::Area(area) = &self.lights[index as usize] else { return 0.0 };
-        let pmf = self.selection.pmf(receiver, index as usize, surface.prim);
-        if pmf == 0.0 {
+        let rate = self.selection.rate(receiver, index as usize, surface.prim);
+        if rate == 0.0 {
             return 0.0;
         }
         let (geometry, sampler) = (&self.geometry, &area.sampler);
-        pmf * if self.selection.is_fine() {
+        rate * if self.selection.is_fine() {
             sampler.pdf_prim(geometry, receiver.p, surface, wi, distance_squared)
         } else {
             sampler.pdf(geometry, receiver.p, surface, wi, distance_squared)
@@ -216,7 +224,7 @@ impl Scene {
     #[must_use]
     pub fn environment_pdf(&self, wi: Vec3) -> f32 {
         self.environment.map_or(0.0, |i| {
-            self.selection.pmf_infinite(i as usize) * self.lights[i as usize].pdf_environment(wi)
+            self.selection.rate_infinite(i as usize) * self.lights[i as usize].pdf_environment(wi)
         })
     }
 

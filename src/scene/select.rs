@@ -1,45 +1,63 @@
-//! Which light to sample.
+//! Which lights to sample.
 //!
-//! Few lights: one of n is chosen with probability ½·power/Σpower + ½/n, times
-//! its `sampling_weight`: power alone would leave a candle black beside an
-//! occluded sun, the uniform half bounds that loss to a factor of two in
-//! variance.
+//! A vertex takes one or more candidates, each light or part of a light with a
+//! known rate: how many times it is a candidate on average. The estimator of
+//! next-event estimation is the sum over candidates of f·L / (rate · pdf), so
+//! any rates that are positive where there is light give the same mean; which
+//! of them get a shadow ray is for the integrator.
 //!
-//! Many emitters (the triangles of a glowing mesh count one by one): a
-//! [`LightTree`] chooses among them by what they may bring to the receiver, and
-//! counts as one light beside those at infinity, which shine everywhere.
+//! * One light is the only candidate.
+//! * Of a few lights each is a candidate once: what the bsdf makes of each is
+//!   then known before a shadow ray is spent.
+//! * Of many emitters (the triangles of a glowing mesh count one by one) a
+//!   [`LightTree`] draws by what they may bring to the receiver. It counts as
+//!   one light beside those at infinity, which shine everywhere.
+//! * What is left, a few emitters with unequal `sampling_weight`: one candidate
+//!   by ½·power/Σpower + ½/n, times the weight. Power alone would leave a candle
+//!   black beside an occluded sun, the uniform half bounds that loss to a
+//!   factor of two in variance.
 
-use crate::light::{Emitter, Light, LightTree, Receiver};
+use smallvec::SmallVec;
+
+use crate::light::{Emitter, Light, LightTree, Receiver, TreeWalk};
+use crate::math::Vec2;
 use crate::sampling::AliasTable;
 use crate::shape::{Geometry, PrimId};
 
+/// Each of so many lights is a candidate.
+const FEW_LIGHTS: usize = 4;
 /// A tree is built for more emitters than this.
-const FEW: usize = 2;
+const FEW_EMITTERS: usize = 2;
+/// Candidates that a tree draws for a vertex.
+const DRAWS: u32 = 2;
 
 /// A discrete distribution over the lights, as seen from a point.
 #[derive(Debug, Default)]
 pub struct LightSelection {
     /// Over the lights; with a tree over those at infinity, and the tree last.
     table: Option<AliasTable>,
-    /// The only light, where the table would have no choice.
-    single: Option<usize>,
-    /// Probability of each light; with a tree, of those at infinity.
-    pmf: Vec<f32>,
+    /// Candidates at every vertex, where the table would have no choice.
+    all: SmallVec<[u32; FEW_LIGHTS]>,
+    /// Rate of each light; with a tree, of those at infinity.
+    rates: Vec<f32>,
     tree: Option<LightTree>,
-    /// Probability of the tree.
-    tree_pmf: f32,
+    /// Rate of the tree.
+    tree_rate: f32,
 }
 
-/// What [`LightSelection::sample`] chose.
+/// A light, or a part of one, that [`LightSelection::candidates`] chose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// Index of the light.
     pub light: usize,
     /// The primitive of it, when the choice was that fine.
     pub prim: Option<PrimId>,
-    /// Its probability, above 0.
-    pub pmf: f32,
+    /// How many times it is a candidate on average, above 0.
+    pub rate: f32,
 }
+
+/// The candidates of a vertex.
+pub type Candidates = SmallVec<[Choice; FEW_LIGHTS]>;
 
 impl LightSelection {
     /// For the lights of a scene of that radius.
@@ -47,10 +65,18 @@ impl LightSelection {
     pub fn new(lights: &[Light], geometry: &Geometry, scene_radius: f64) -> LightSelection {
         let power: Vec<f64> = lights.iter().map(|l| l.power(scene_radius)).collect();
         let weight: Vec<f64> = lights.iter().map(|l| f64::from(l.weight())).collect();
-        let chosen = |light: &usize| weight[*light] > 0.0;
+        let eligible: SmallVec<[u32; FEW_LIGHTS]> =
+            (0..lights.len() as u32).filter(|i| weight[*i as usize] > 0.0).collect();
         let emitters: Vec<Emitter> =
-            (0..lights.len()).filter(chosen).flat_map(|i| lights[i].emitters(geometry, i as u32)).collect();
-        if emitters.len() <= FEW {
+            eligible.iter().flat_map(|i| lights[*i as usize].emitters(geometry, *i)).collect();
+        let same = eligible.windows(2).all(|w| weight[w[0] as usize] == weight[w[1] as usize]);
+        let whole = emitters.len() <= FEW_LIGHTS.max(FEW_EMITTERS);
+        if eligible.len() <= FEW_LIGHTS && whole && same {
+            let mut rates = vec![0.0; lights.len()];
+            eligible.iter().for_each(|i| rates[*i as usize] = 1.0);
+            return LightSelection { all: eligible, rates, ..LightSelection::default() };
+        }
+        if emitters.len() <= FEW_EMITTERS {
             return LightSelection::by_power(&power, &weight);
         }
         LightSelection::by_tree(lights, &power, &weight, &emitters)
@@ -65,17 +91,18 @@ impl LightSelection {
         let sum: f64 = share.iter().sum();
         let chosen: Vec<usize> = (0..share.len()).filter(|i| share[*i] > 0.0).collect();
         if let [only] = chosen.as_slice() {
-            let mut pmf = vec![0.0; share.len()];
-            pmf[*only] = 1.0;
-            return LightSelection { single: Some(*only), pmf, ..LightSelection::default() };
+            let mut rates = vec![0.0; share.len()];
+            rates[*only] = 1.0;
+            let all = SmallVec::from_slice(&[*only as u32]);
+            return LightSelection { all, rates, ..LightSelection::default() };
         }
         match AliasTable::new(&share) {
             Some(table) => LightSelection {
                 table: Some(table),
-                pmf: share.iter().map(|s| (s / sum) as f32).collect(),
+                rates: share.iter().map(|s| (s / sum) as f32).collect(),
                 ..LightSelection::default()
             },
-            None => LightSelection { pmf: vec![0.0; share.len()], ..LightSelection::default() },
+            None => LightSelection { rates: vec![0.0; share.len()], ..LightSelection::default() },
         }
     }
 
@@ -94,47 +121,77 @@ impl LightSelection {
         }
         powers.push(all);
         weights.push(weighed / all);
-        let LightSelection { table, single, mut pmf, .. } = LightSelection::by_power(&powers, &weights);
-        let tree_pmf = pmf.pop().unwrap_or(0.0);
-        LightSelection { table, single, pmf, tree: Some(tree), tree_pmf }
+        let LightSelection { table, mut rates, .. } = LightSelection::by_power(&powers, &weights);
+        rates.iter_mut().for_each(|rate| *rate *= DRAWS as f32);
+        let tree_rate = rates.pop().unwrap_or(0.0);
+        LightSelection { table, all: SmallVec::new(), rates, tree: Some(tree), tree_rate }
     }
 
-    /// A light, or a part of one, for a receiver; `None` when there is none or
-    /// none shines on it. `u` is uniform in [0, 1) and `more` anything that
-    /// differs from sample to sample: digits after the 24 that `u` has.
+    /// The lights, or parts of lights, to sample for a receiver. `u` is uniform
+    /// in [0, 1) and `more` anything that differs from sample to sample: digits
+    /// after the 24 that `u` has.
     #[must_use]
-    pub fn sample(&self, receiver: &Receiver, u: f32, more: u32) -> Option<Choice> {
-        let (light, pmf, u) = match self.single {
-            Some(only) => (only, 1.0, u),
-            None => {
-                let chosen = self.table.as_ref()?.sample(u);
-                (chosen.index, chosen.pmf, chosen.u)
-            }
-        };
+    pub fn candidates(&self, receiver: &Receiver, u: f32, more: u32) -> Candidates {
+        if let Some(tree) = &self.tree {
+            let u = finer(u, more);
+            let mut walk = tree.walk(receiver);
+            let draws = (0..DRAWS).map(|draw| (f64::from(draw) + u) / f64::from(DRAWS));
+            return draws.filter_map(|u| self.draw(&mut walk, u)).collect();
+        }
+        if let Some(table) = &self.table {
+            let chosen = table.sample(u);
+            return Candidates::from_slice(&[Choice { light: chosen.index, prim: None, rate: chosen.pmf }]);
+        }
+        let choice = |i: &u32| Choice { light: *i as usize, prim: None, rate: 1.0 };
+        self.all.iter().map(choice).collect()
+    }
+
+    /// One draw from the tree and the lights at infinity.
+    fn draw(&self, walk: &mut TreeWalk, u: f64) -> Option<Choice> {
+        let (mut light, mut u) = (self.rates.len(), u);
+        if let Some(table) = &self.table {
+            let chosen = table.sample_f64(u);
+            (light, u) = (chosen.0, chosen.1);
+        }
+        if light < self.rates.len() {
+            return Some(Choice { light, prim: None, rate: self.rates[light] });
+        }
+        let chosen = walk.sample(u)?;
+        let rate = chosen.pmf * self.tree_rate;
+        (rate > 0.0).then_some(Choice { light: chosen.light as usize, prim: Some(chosen.prim), rate })
+    }
+
+    /// Rate of the part of an area light that `prim` is a primitive of: all of
+    /// it, unless [`LightSelection::is_fine`].
+    #[must_use]
+    pub fn rate(&self, receiver: &Receiver, light: usize, prim: PrimId) -> f32 {
         match &self.tree {
-            Some(tree) if light == self.pmf.len() => {
-                let chosen = tree.sample(receiver, finer(u, more))?;
-                let pmf = chosen.pmf * self.tree_pmf;
-                (pmf > 0.0).then_some(Choice { light: chosen.light as usize, prim: Some(chosen.prim), pmf })
-            }
-            _ => Some(Choice { light, prim: None, pmf }),
+            Some(tree) => tree.pmf(receiver, light as u32, prim) * self.tree_rate,
+            None => self.rates[light],
         }
     }
 
-    /// Probability of the part of an area light that `prim` is a primitive of:
-    /// all of it, unless [`LightSelection::is_fine`].
+    /// Rate of a light at infinity.
     #[must_use]
-    pub fn pmf(&self, receiver: &Receiver, light: usize, prim: PrimId) -> f32 {
-        match &self.tree {
-            Some(tree) => tree.pmf(receiver, light as u32, prim) * self.tree_pmf,
-            None => self.pmf[light],
-        }
+    pub fn rate_infinite(&self, light: usize) -> f32 {
+        self.rates[light]
     }
 
-    /// Probability of a light at infinity.
+    /// A number uniform in [0, 1), independent of which candidates `u_choice`
+    /// and `u` gave.
     #[must_use]
-    pub fn pmf_infinite(&self, light: usize) -> f32 {
-        self.pmf[light]
+    pub fn left_over(&self, u_choice: f32, u: Vec2) -> f32 {
+        if self.tree.is_none() {
+            return u_choice; // all are candidates, nothing was chosen
+        }
+        let bits = hash(u.x.to_bits() ^ hash(u.y.to_bits() ^ hash(u_choice.to_bits())));
+        (bits >> 8) as f32 * 2f32.powi(-24)
+    }
+
+    /// Candidates of a vertex at most.
+    #[must_use]
+    pub fn most_candidates(&self) -> usize {
+        if self.tree.is_some() { DRAWS as usize } else { self.all.len().max(1) }
     }
 
     /// True when single primitives of area lights are chosen.
@@ -146,7 +203,7 @@ impl LightSelection {
     /// True when no random number is needed.
     #[must_use]
     pub fn is_trivial(&self) -> bool {
-        self.table.is_none() && self.tree.is_none()
+        self.table.is_none() && self.tree.is_none() && self.all.len() <= 1
     }
 
     /// The tree, if there is one.
@@ -171,12 +228,14 @@ fn shares(power: &[f64], weight: &[f64]) -> Vec<f64> {
 /// `u` with random digits after its last one, so that lights of a probability
 /// below 2⁻²⁴ have their share.
 fn finer(u: f32, more: u32) -> f64 {
-    let mut h = u.to_bits() ^ more;
-    // The finaliser of MurmurHash3.
+    f64::from(u) + f64::from(hash(u.to_bits() ^ more)) * 2f64.powi(-56)
+}
+
+/// The finaliser of MurmurHash3.
+fn hash(mut h: u32) -> u32 {
     h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
     h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
-    h ^= h >> 16;
-    f64::from(u) + f64::from(h) * 2f64.powi(-56)
+    h ^ (h >> 16)
 }
 
 #[cfg(test)]
@@ -188,15 +247,15 @@ mod tests {
     fn probabilities_sum_to_one_and_match_sampling() {
         let s = LightSelection::by_power(&[1.0, 3.0, 0.0, f64::INFINITY], &[1.0, 1.0, 1.0, 0.0]);
         let receiver = Receiver::free(Vec3::ZERO);
-        let pmf = |i| s.pmf(&receiver, i, 0);
+        let pmf = |i| s.rate(&receiver, i, 0);
         let sum: f32 = (0..4).map(pmf).sum();
         assert!((sum - 1.0).abs() < 1e-6);
         assert_eq!(pmf(3), 0.0);
         let mut counts = [0u32; 4];
         let n = 100_000;
         for i in 0..n {
-            let chosen = s.sample(&receiver, (i as f32 + 0.5) / n as f32, 0).unwrap();
-            assert_eq!(chosen.pmf, pmf(chosen.light));
+            let chosen = s.candidates(&receiver, (i as f32 + 0.5) / n as f32, 0)[0];
+            assert_eq!(chosen.rate, pmf(chosen.light));
             counts[chosen.light] += 1;
         }
         for (i, count) in counts.iter().enumerate() {
@@ -209,7 +268,8 @@ mod tests {
         let receiver = Receiver::free(Vec3::ZERO);
         let s = LightSelection::by_power(&[5.0], &[1.0]);
         assert!(s.is_trivial());
-        assert_eq!(s.sample(&receiver, 0.3, 0), Some(Choice { light: 0, prim: None, pmf: 1.0 }));
-        assert_eq!(LightSelection::by_power(&[], &[]).sample(&receiver, 0.5, 0), None);
+        let only = Choice { light: 0, prim: None, rate: 1.0 };
+        assert_eq!(s.candidates(&receiver, 0.3, 0).as_slice(), &[only]);
+        assert!(LightSelection::by_power(&[], &[]).candidates(&receiver, 0.5, 0).is_empty());
     }
 }

@@ -22,6 +22,8 @@ pub struct ShapeSampler {
     shape: ShapeId,
     area: f64,
     method: Method,
+    /// Somebody reads the texture coordinates of samples.
+    needs_uv: bool,
 }
 
 /// What makes sampling faster than the geometry alone.
@@ -54,12 +56,19 @@ impl ShapeSampler {
                 Analytic::Sphere(_) | Analytic::Disk(_) | Analytic::Cylinder(_) => Method::Plain,
             };
             let valid = area > 0.0 && area.is_finite();
-            return valid.then_some(ShapeSampler { first_prim, shape, area, method });
+            return valid.then_some(ShapeSampler { first_prim, shape, area, method, needs_uv: true });
         }
         let areas: Vec<f64> =
             (first_prim..first_prim + info.prim_count).map(|prim| geometry.area(prim)).collect();
         let table = TriangleTable::new(&areas)?;
-        Some(ShapeSampler { first_prim, shape, area: table.total(), method: Method::Mesh(table) })
+        let (area, method) = (table.total(), Method::Mesh(table));
+        Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true })
+    }
+
+    /// The same without texture coordinates in its samples.
+    #[must_use]
+    pub fn without_uv(self) -> ShapeSampler {
+        ShapeSampler { needs_uv: false, ..self }
     }
 
     /// The shape.
@@ -142,6 +151,10 @@ impl ShapeSampler {
             _ => towards(analytic.sample_area(u))?,
         };
         let distance_squared = (point.p - origin).length_squared();
+        let point = match analytic {
+            Analytic::Sphere(sphere) if self.needs_uv => sphere.parametrised(point),
+            _ => point,
+        };
         let point = self.round(analytic, &point);
         finish(&point, wi, view.pdf(by_area(distance_squared, wi, &point, self.area)))
     }

@@ -86,6 +86,27 @@ impl Sphere {
 
     /// The surface where the unit vector `n` leaves the sphere.
     pub(crate) fn at(&self, n: DVec3) -> AnalyticPoint {
+        self.parametrised(self.bare(n))
+    }
+
+    /// The same without texture coordinates and tangents.
+    pub(crate) fn bare(&self, n: DVec3) -> AnalyticPoint {
+        let p = self.centre + n * self.radius;
+        let ng = n * flip_sign(self.flip);
+        AnalyticPoint {
+            p,
+            p_error: rounding_error(p.as_vec3(), self.centre.abs().max_element() + self.radius),
+            ng,
+            ns: ng,
+            uv: Vec2::ZERO,
+            dpdu: DVec3::ZERO,
+            dpdv: DVec3::ZERO,
+        }
+    }
+
+    /// A bare point with texture coordinates and tangents.
+    pub(crate) fn parametrised(&self, bare: AnalyticPoint) -> AnalyticPoint {
+        let n = bare.ng * flip_sign(self.flip);
         let local = self.inverse * (n * self.radius);
         let rd = local.x.hypot(local.y);
         let mut phi = local.y.atan2(local.x);
@@ -95,32 +116,28 @@ impl Sphere {
         let theta = rd.atan2(local.z);
         let dpdv =
             if rd > 0.0 { DVec3::new(local.z * local.x / rd, local.z * local.y / rd, -rd) } else { DVec3::X };
-        let p = self.centre + n * self.radius;
-        let ng = n * flip_sign(self.flip);
         AnalyticPoint {
-            p,
-            p_error: rounding_error(p.as_vec3(), self.centre.abs().max_element() + self.radius),
-            ng,
-            ns: ng,
             uv: Vec2::new((phi / TAU) as f32, (theta / PI) as f32),
             dpdu: self.linear * DVec3::new(-local.y, local.x, 0.0) * TAU,
             dpdv: self.linear * dpdv * PI,
+            ..bare
         }
     }
 
+    /// A bare point.
     pub(crate) fn sample_area(&self, u: Vec2) -> AnalyticPoint {
         let z = 1.0 - 2.0 * f64::from(u.x);
         let r = (f64::from(u.x) * (1.0 - f64::from(u.x))).sqrt() * 2.0;
         let (sin, cos) = (TAU * f64::from(u.y)).sin_cos();
-        self.at(DVec3::new(r * cos, r * sin, z))
+        self.bare(DVec3::new(r * cos, r * sin, z))
     }
 
-    /// The surface at the angle whose cosine and sine are given, measured at
+    /// The bare point at the angle whose cosine and sine are given, measured at
     /// the centre from the unit vector `axis`; `phi` turns around it.
     pub(crate) fn at_angle(&self, axis: DVec3, cos: f64, sin: f64, phi: f64) -> AnalyticPoint {
         let (s, t) = basis(axis);
         let (sin_phi, cos_phi) = phi.sin_cos();
-        self.at((axis * cos + (s * cos_phi + t * sin_phi) * sin).normalize())
+        self.bare((axis * cos + (s * cos_phi + t * sin_phi) * sin).normalize())
     }
 
     pub(crate) fn bounds(&self) -> Bounds {

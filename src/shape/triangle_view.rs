@@ -31,7 +31,7 @@ impl TriangleView {
     const MAX_SOLID_ANGLE: f64 = std::f64::consts::TAU - 2.0 * TriangleView::MIN_SOLID_ANGLE;
     /// Sampling by solid angle pays when the longest edge is longer than this
     /// fraction of the distance.
-    const MIN_RATIO: f64 = 0.5;
+    const MIN_RATIO: f64 = 1.0;
 
     /// The view of a triangle from a point.
     #[must_use]

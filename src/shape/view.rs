@@ -60,7 +60,7 @@ impl SphereView {
         }
     }
 
-    /// A point of the sphere and its direction; `None` in the rare case that
+    /// A bare point of the sphere and its direction; `None` in the rare case that
     /// the viewer is on the surface and the direction leads out.
     pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
         match self.cone {
@@ -80,7 +80,7 @@ impl SphereView {
         let c = (self.from.length() - sphere.radius) * (self.from.length() + sphere.radius);
         let root = (b * b - c).max(0.0).sqrt();
         let t = if b <= 0.0 { root - b } else { -c / (root + b) };
-        let point = sphere.at((self.from + wi * t).try_normalize()?);
+        let point = sphere.bare((self.from + wi * t).try_normalize()?);
         (t > 0.0).then_some((point, wi))
     }
 }
@@ -184,7 +184,7 @@ impl RectView {
     const MIN_SOLID_ANGLE: f64 = 1e-7;
     /// Sampling by solid angle pays when the diagonal is longer than this
     /// fraction of the distance.
-    const MIN_RATIO: f64 = 0.5;
+    const MIN_RATIO: f64 = 1.0;
 
     /// The view of a rectangle from a point.
     #[must_use]

@@ -100,7 +100,9 @@ impl Subject {
             Subject::Scene(scene) if !scene.lights.is_empty() => {
                 let mut room = Scatter::default();
                 let hit = scene.interact(from, normal, &mut room);
-                shadow_ray(from, &scene.sample_light(&hit, choice, u[0])?.sample)
+                let which = (choice * scene.selection.most_candidates() as f32) as usize;
+                let candidate = scene.sample_lights(&hit, choice, u[0]).nth(which)?;
+                shadow_ray(from, &candidate.sample)
             }
             _ => {
                 let bounds = self.geometry().bounds();
