@@ -43,11 +43,15 @@ pub fn connect(
     u: Vec2,
     counts: Counts,
 ) -> Option<Connection> {
+    if let Some(only) = scene.selection.only() {
+        let sample = scene.sample_one_light(only, hit, u)?;
+        return weigh(hit, ChosenLight { pdf: sample.pdf, sample }, counts);
+    }
     // One stands for all, drawn on the way; `rest` is what its choices leave of a number.
     let mut chosen: Option<Connection> = None;
     let (mut sum, mut share, mut rest) = (0.0, 0.0, None);
     for light in scene.sample_lights(hit, u_choice, u) {
-        let Some(connection) = weigh(hit, &light, counts) else { continue };
+        let Some(connection) = weigh(hit, light, counts) else { continue };
         let weight = f64::from(connection.contribution.element_sum());
         sum += weight;
         if chosen.is_none() {
@@ -71,7 +75,8 @@ pub fn connect(
 }
 
 /// What one light sample contributes.
-fn weigh(hit: &Interaction, light: &ChosenLight, counts: Counts) -> Option<Connection> {
+#[inline]
+fn weigh(hit: &Interaction, light: ChosenLight, counts: Counts) -> Option<Connection> {
     let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
     if f == Rgb::ZERO {
         return None;
@@ -79,5 +84,5 @@ fn weigh(hit: &Interaction, light: &ChosenLight, counts: Counts) -> Option<Conne
     let density = light.pdf * counts.light;
     let mis = if light.sample.delta { 1.0 } else { power_heuristic(density, pdf * counts.bsdf) };
     let contribution = f * light.sample.radiance * (mis / density);
-    (contribution != Rgb::ZERO).then_some(Connection { light: *light, f, mis, contribution })
+    (contribution != Rgb::ZERO).then_some(Connection { light, f, mis, contribution })
 }

@@ -200,6 +200,16 @@ impl LightSelection {
         self.tree.is_some()
     }
 
+    /// The light that is the only candidate everywhere, if there is one.
+    #[must_use]
+    #[inline]
+    pub fn only(&self) -> Option<usize> {
+        match (&self.tree, &self.table, self.all.as_slice()) {
+            (None, None, [only]) => Some(*only as usize),
+            _ => None,
+        }
+    }
+
     /// True when no random number is needed.
     #[must_use]
     pub fn is_trivial(&self) -> bool {
