@@ -86,7 +86,7 @@ impl Direct {
         let ray = hit.surface.spawn(sample.wi, 0.0);
         record.counters().scatter_rays += 1;
         let (le, pdf) = match scene.closest(&ray) {
-            None => (scene.environment(ray.dir), scene.environment_pdf(ray.dir)),
+            None => scene.environment_and_pdf(ray.dir),
             Some(next) => {
                 let surface = scene.surface(&ray, &next);
                 let distance_squared = (surface.p - hit.surface.p).length_squared();

@@ -116,15 +116,15 @@ impl Path {
 
     /// Light of the environment, weighed against having sampled it as a light.
     fn environment<R: Record>(&self, scene: &Scene, state: &State, record: &mut R) -> Rgb {
-        let le = scene.environment(state.ray.dir);
+        let (le, mis) = if state.last.delta {
+            (scene.environment(state.ray.dir), 1.0)
+        } else {
+            let (le, pdf) = scene.environment_and_pdf(state.ray.dir);
+            (le, power_heuristic(state.last.pdf, pdf))
+        };
         if le == Rgb::ZERO {
             return Rgb::ZERO;
         }
-        let mis = if state.last.delta {
-            1.0
-        } else {
-            power_heuristic(state.last.pdf, scene.environment_pdf(state.ray.dir))
-        };
         record.event(|| Event::Hit { le, mis });
         state.beta * le * mis
     }

@@ -70,8 +70,7 @@ impl Weights for Picture {
     }
 
     fn weight(&self, x: u32, y: u32) -> f64 {
-        let l = grey(self.texels.rgb(x, y));
-        (l - self.offset).max(l * COMPENSATION_FLOOR).min(l)
+        self.weight_of(self.texels.rgb(x, y))
     }
 }
 
@@ -89,28 +88,44 @@ impl Picture {
         let v = d.x.hypot(d.z).atan2(d.y) * FRAC_1_PI;
         let x = u * width as f32 - 0.5;
         let y = (v * (height - 1) as f32).max(0.0);
-        let (left, above) = (x.floor(), y.floor().min(height.max(2) as f32 - 2.0));
-        let i = (left as i64).rem_euclid(i64::from(width)) as u32;
-        let j = above as u32;
+        let j = (y as u32).min(height.max(2) - 2);
+        // From −width/2 − ½: the columns go round.
+        let left = x.floor();
+        let i = left as i32;
+        let i = if i < 0 { i.wrapping_add_unsigned(width) } else { i } as u32;
+        let i = if i < width { i } else { 0 };
+        let (above, right) = (j as f32, i + 1);
         Corners {
-            xs: [i, (i + 1) % width],
+            xs: [i, if right < width { right } else { 0 }],
             ys: [j, (j + 1).min(height - 1)],
             w: Vec2::new(x - left, (y - above).min(1.0)),
         }
     }
 
-    fn eval(&self, corners: &Corners) -> Rgb {
-        let Corners { xs, ys, w } = *corners;
-        let row = |y: u32| self.texels.rgb(xs[0], y) * (1.0 - w.x) + self.texels.rgb(xs[1], y) * w.x;
-        row(ys[0]) * (1.0 - w.y) + row(ys[1]) * w.y
+    fn weight_of(&self, texel: Rgb) -> f64 {
+        let l = grey(texel);
+        (l - self.offset).max(l * COMPENSATION_FLOOR).min(l)
+    }
+
+    /// The texels of four corners: `[above, below]` of `[left, right]`.
+    #[inline]
+    fn texels(&self, corners: &Corners) -> [[Rgb; 2]; 2] {
+        corners.ys.map(|y| corners.xs.map(|x| self.texels.rgb(x, y)))
+    }
+
+    /// Their interpolation.
+    #[inline]
+    fn eval(texels: &[[Rgb; 2]; 2], w: Vec2) -> Rgb {
+        let row = |[left, right]: [Rgb; 2]| left * (1.0 - w.x) + right * w.x;
+        row(texels[0]) * (1.0 - w.y) + row(texels[1]) * w.y
     }
 
     /// The interpolated weight.
-    fn density(&self, corners: &Corners) -> f64 {
-        let Corners { xs, ys, w } = *corners;
+    #[inline]
+    fn density(&self, texels: &[[Rgb; 2]; 2], w: Vec2) -> f64 {
         let (wx, wy) = (f64::from(w.x), f64::from(w.y));
-        let row = |y: u32| self.weight(xs[0], y) * (1.0 - wx) + self.weight(xs[1], y) * wx;
-        row(ys[0]) * (1.0 - wy) + row(ys[1]) * wy
+        let row = |[left, right]: [Rgb; 2]| self.weight_of(left) * (1.0 - wx) + self.weight_of(right) * wx;
+        row(texels[0]) * (1.0 - wy) + row(texels[1]) * wy
     }
 
     /// Mean weight of all texels; 0 where it is so near the least one that
@@ -156,11 +171,20 @@ impl EnvMap {
     }
 
     pub(super) fn radiance(&self, wi: Vec3) -> Rgb {
-        self.picture.eval(&self.corners(wi)) * self.scale
+        let corners = self.corners(wi);
+        Picture::eval(&self.picture.texels(&corners), corners.w) * self.scale
     }
 
     pub(super) fn pdf(&self, wi: Vec3) -> f32 {
-        self.density(&self.corners(wi))
+        self.radiance_and_pdf(wi).1
+    }
+
+    /// Both from one look at the picture.
+    pub(super) fn radiance_and_pdf(&self, wi: Vec3) -> (Rgb, f32) {
+        let corners = self.corners(wi);
+        let texels = self.picture.texels(&corners);
+        let density = |t: &EnvTable| (self.picture.density(&texels, corners.w) / t.integral()) as f32;
+        (Picture::eval(&texels, corners.w) * self.scale, self.table.as_ref().map_or(0.0, density))
     }
 
     pub(super) fn sample(&self, u: Vec2) -> Option<LightSample> {
@@ -169,18 +193,12 @@ impl EnvMap {
         let d = DVec3::new(sin_phi * sin_theta, cos_theta, -cos_phi * sin_theta);
         let wi = (self.to_world * d).as_vec3();
         // Both from the rounded direction: what a ray that escapes will see.
-        let corners = self.corners(wi);
-        let radiance = self.picture.eval(&corners) * self.scale;
-        let pdf = self.density(&corners);
+        let (radiance, pdf) = self.radiance_and_pdf(wi);
         Some(LightSample { wi, radiance, pdf, delta: false, target: Target::Infinite })
     }
 
     fn corners(&self, wi: Vec3) -> Corners {
         self.picture.corners(self.to_local * wi)
-    }
-
-    fn density(&self, corners: &Corners) -> f32 {
-        self.table.as_ref().map_or(0.0, |t| (self.picture.density(corners) / t.integral()) as f32)
     }
 
     pub(super) fn radiance_integral(&self) -> f64 {

@@ -42,6 +42,8 @@ pub(super) struct EnvTable {
     rows: Vec<f64>,
     /// For each row, share of its mass left of cells 1, 2, … in units of 2⁻³².
     cells: Vec<u32>,
+    /// Sine and cosine of θ above each row and below the last.
+    edges: Vec<(f64, f64)>,
     /// ∫ l dω.
     integral: f64,
 }
@@ -64,7 +66,7 @@ impl EnvTable {
         let mut above = pairs(0);
         for j in 0..row_count {
             let below = pairs((j + 1).min(height - 1));
-            let parts = Strip::new(j, row_count).parts_above(1.0);
+            let parts = Strip::new(j, row_count).at(1.0).parts;
             let masses = above.iter().zip(&below).map(|(a, b)| 0.5 * parts.mass(*a, *b));
             let row_mass: f64 = masses.clone().sum();
             total += row_mass;
@@ -82,7 +84,8 @@ impl EnvTable {
         }
         rows.iter_mut().for_each(|r| *r /= total);
         let integral = total * (TAU / f64::from(width)) * (PI / f64::from(row_count));
-        Some(EnvTable { width: width as usize, rows, cells, integral })
+        let edges = (0..=row_count).map(|j| edge(j, row_count)).collect();
+        Some(EnvTable { width: width as usize, rows, cells, edges, integral })
     }
 
     /// ∫ l dω over the sphere.
@@ -91,7 +94,7 @@ impl EnvTable {
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
-        8 * self.rows.len() + 4 * self.cells.len()
+        8 * self.rows.len() + 4 * self.cells.len() + 16 * self.edges.len()
     }
 
     /// A point with density l / ∫ l dω per solid angle, by `u` in \[0, 1)².
@@ -112,7 +115,7 @@ impl EnvTable {
 
         // Point of the cell.
         let cell = Cell::new(picture, i as u32, j as u32);
-        let strip = Strip::new(j as u32, row_count as u32);
+        let strip = Strip::between(j as u32, row_count as u32, [self.edges[j], self.edges[j + 1]]);
         let t = strip.invert(&cell, v.clamp(0.0, 1.0));
         let s = invert_linear(mix(cell.l00, cell.l01, t), mix(cell.l10, cell.l11, t), w);
         Angles { phi: TAU * (i as f64 + 0.5 + s) / self.width as f64, theta: strip.theta(t) }
@@ -156,46 +159,70 @@ impl Parts {
 struct Strip {
     theta0: f64,
     delta: f64,
+    /// Sine and cosine of θ₀.
+    start: (f64, f64),
+    /// sin(θ₀ + Δ).
+    sin_end: f64,
+}
+
+/// A place t in a strip: the masses above it as factors of A and B, and sin θ.
+struct Place {
+    parts: Parts,
+    sin: f64,
+}
+
+/// Sine and cosine of the θ above row `j`.
+fn edge(j: u32, row_count: u32) -> (f64, f64) {
+    (f64::from(j) * (PI / f64::from(row_count))).sin_cos()
 }
 
 impl Strip {
     fn new(j: u32, row_count: u32) -> Strip {
+        Strip::between(j, row_count, [j, j + 1].map(|j| edge(j, row_count)))
+    }
+
+    /// The same with its two edges at hand.
+    fn between(j: u32, row_count: u32, edges: [(f64, f64); 2]) -> Strip {
         let delta = PI / f64::from(row_count);
-        Strip { theta0: f64::from(j) * delta, delta }
+        Strip { theta0: f64::from(j) * delta, delta, start: edges[0], sin_end: edges[1].0 }
     }
 
     fn theta(&self, t: f64) -> f64 {
         self.theta0 + t * self.delta
     }
 
-    /// The mass of the part of a cell above t, as factors of A and B.
-    fn parts_above(&self, t: f64) -> Parts {
+    /// By the sine and cosine of half the way alone; angles add up.
+    fn at(&self, t: f64) -> Place {
+        let (sin0, cos0) = self.start;
+        let (sin_half, cos_half) = (0.5 * t * self.delta).sin_cos();
+        let (sin_way, cos_way) = (2.0 * sin_half * cos_half, 1.0 - 2.0 * sin_half * sin_half);
         // Differences of sines and cosines as products: no cancellation in thin rows.
-        let half = 0.5 * t * self.delta;
-        let (sin_middle, cos_middle) = (self.theta0 + half).sin_cos();
-        let chord = 2.0 * half.sin() / self.delta;
-        let plain = sin_middle * chord;
-        let ramp = (cos_middle * chord - t * self.theta(t).cos()) / self.delta;
-        Parts { upper: (plain - ramp).max(0.0), lower: ramp.max(0.0) }
+        let chord = 2.0 * sin_half / self.delta;
+        let plain = (sin0 * cos_half + cos0 * sin_half) * chord;
+        let cos_middle = cos0 * cos_half - sin0 * sin_half;
+        let cos = cos0 * cos_way - sin0 * sin_way;
+        let ramp = (cos_middle * chord - t * cos) / self.delta;
+        let parts = Parts { upper: (plain - ramp).max(0.0), lower: ramp.max(0.0) };
+        Place { parts, sin: sin0 * cos_way + cos0 * sin_way }
     }
 
     /// The t with the share `v` of the cell's mass above it.
     fn invert(&self, cell: &Cell, v: f64) -> f64 {
         let (a, b) = (0.5 * (cell.l00 + cell.l10), 0.5 * (cell.l01 + cell.l11));
-        let goal = v * self.parts_above(1.0).mass(a, b);
-        let density = |t: f64| mix(a, b, t) * self.theta(t).sin();
+        let goal = v * self.at(1.0).parts.mass(a, b);
         // The density is nearly linear in a thin row; Newton then ends in two
         // steps. The bracket keeps it safe at the poles, where it is flat.
-        let mut t = invert_linear(density(0.0).max(0.0), density(1.0).max(0.0), v);
+        let mut t = invert_linear((a * self.start.0).max(0.0), (b * self.sin_end).max(0.0), v);
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..40 {
-            let excess = self.parts_above(t).mass(a, b) - goal;
+            let Place { parts, sin } = self.at(t);
+            let excess = parts.mass(a, b) - goal;
             if excess > 0.0 {
                 high = t;
             } else {
                 low = t;
             }
-            let newton = t - excess / density(t);
+            let newton = t - excess / (mix(a, b, t) * sin);
             let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             let step = (next - t).abs();
             t = next;
@@ -228,12 +255,12 @@ mod tests {
             let strip = Strip::new(j, rows);
             for (a, b) in [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (1e-12, 1e12), (3.0, 2.0)] {
                 let cell = Cell { l00: a, l10: a, l01: b, l11: b };
-                let mass = strip.parts_above(1.0).mass(a, b);
+                let mass = strip.at(1.0).parts.mass(a, b);
                 assert!(mass > 0.0, "row {j} of {rows}, {a}, {b}");
                 for k in 0..=16 {
                     let v = f64::from(k) / 16.0;
                     let t = strip.invert(&cell, v);
-                    let back = strip.parts_above(t).mass(a, b) / mass;
+                    let back = strip.at(t).parts.mass(a, b) / mass;
                     assert!((back - v).abs() < 1e-7, "row {j} of {rows}, {a}, {b}: {back} not {v}");
                 }
             }

@@ -142,6 +142,15 @@ impl Light {
         }
     }
 
+    /// [`Light::environment`] and [`Light::pdf_environment`] at once.
+    #[must_use]
+    pub fn environment_and_pdf(&self, wi: Vec3) -> (Rgb, f32) {
+        match self {
+            Light::EnvMap(l) => l.radiance_and_pdf(wi),
+            other => (other.environment(wi), other.pdf_environment(wi)),
+        }
+    }
+
     /// True for lights that rays which hit nothing see.
     #[must_use]
     pub fn is_environment(&self) -> bool {

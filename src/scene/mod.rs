@@ -228,6 +228,14 @@ impl Scene {
         })
     }
 
+    /// [`Scene::environment`] and [`Scene::environment_pdf`] at once.
+    #[must_use]
+    pub fn environment_and_pdf(&self, wi: Vec3) -> (Rgb, f32) {
+        let Some(i) = self.environment else { return (Rgb::ZERO, 0.0) };
+        let (le, pdf) = self.lights[i as usize].environment_and_pdf(wi);
+        (le, self.selection.rate_infinite(i as usize) * pdf)
+    }
+
     /// Bounds of all primitives, recentred.
     #[must_use]
     pub fn bounds(&self) -> Bounds {
