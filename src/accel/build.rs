@@ -63,16 +63,23 @@ impl Box4 {
 pub struct Item(Box4);
 
 impl Item {
-    /// A primitive and its box.
+    /// Makes a float that is no subnormal, which would be slow to add, of every
+    /// id below 2^29.
+    const NORMAL: u32 = 0x4000_0000;
+
+    /// A primitive, whose id is below 2^29, and its box.
     #[inline]
     pub fn new(bounds: Bounds, prim: u32) -> Item {
-        Item(Box4 { min: bounds.min.extend(f32::from_bits(prim)), max: bounds.max.extend(0.0) })
+        Item(Box4 {
+            min: bounds.min.extend(f32::from_bits(prim | Item::NORMAL)),
+            max: bounds.max.extend(0.0),
+        })
     }
 
     /// The primitive.
     #[inline(always)]
     pub fn prim(&self) -> u32 {
-        self.0.min.w.to_bits()
+        self.0.min.w.to_bits() ^ Item::NORMAL
     }
 
     /// Twice its centre.
@@ -143,10 +150,20 @@ impl Tree {
 pub struct Costs {
     /// Cost of visiting a node, in leaf blocks.
     pub node: f32,
-    /// Primitives that are tested at once.
-    pub block: u32,
+    /// Binary logarithm of the number of primitives that are tested at once.
+    pub block_log: u32,
     /// The most primitives of a leaf.
     pub leaf: usize,
+    /// A leaf of at most this many is made without asking for its cost.
+    pub small: usize,
+}
+
+impl Costs {
+    /// Blocks of so many primitives.
+    #[inline(always)]
+    fn blocks(&self, count: u32) -> f32 {
+        ((count + (1 << self.block_log) - 1) >> self.block_log) as f32
+    }
 }
 
 /// Sorts the items into the order of the leaves and gives the tree.
@@ -158,7 +175,8 @@ pub fn build(items: &mut [Item], costs: Costs) -> Tree {
     let (geometry, centres) = all_bounds(items);
     let part = Part { geometry, centres, first: 0, depth: 0 };
     let (root, rest) = nodes.split_at_mut(2);
-    root[0] = subtree(&part, items, rest, costs);
+    let mut bins = NO_BINS;
+    root[0] = subtree(&part, items, rest, costs, &mut bins);
     Tree { nodes }
 }
 
@@ -171,18 +189,31 @@ struct Part {
     depth: usize,
 }
 
-fn subtree(part: &Part, items: &mut [Item], slots: &mut [TreeNode], costs: Costs) -> TreeNode {
+fn subtree(
+    part: &Part,
+    items: &mut [Item],
+    slots: &mut [TreeNode],
+    costs: Costs,
+    bins: &mut Bins,
+) -> TreeNode {
     let Bounds { min, max } = part.geometry.bounds();
     let count = items.len();
-    let Some((middle, parts)) = split(part, items, costs) else {
+    let Some((middle, parts)) = split(part, items, costs, bins) else {
         return TreeNode { min, max, first: part.first, count: count as u32 };
     };
     let (left, right) = items.split_at_mut(middle);
     let (left_slots, rest) = slots.split_at_mut(2 * middle - 2);
     let (own, right_slots) = rest.split_at_mut(2);
-    let mut a = || subtree(&parts[0], left, left_slots, costs);
-    let mut b = || subtree(&parts[1], right, right_slots, costs);
-    let children = if count >= PARALLEL_BUILD { rayon::join(a, b) } else { (a(), b()) };
+    let children = if count >= PARALLEL_BUILD {
+        let mut own_bins = NO_BINS;
+        rayon::join(
+            || subtree(&parts[0], left, left_slots, costs, bins),
+            || subtree(&parts[1], right, right_slots, costs, &mut own_bins),
+        )
+    } else {
+        let left = subtree(&parts[0], left, left_slots, costs, bins);
+        (left, subtree(&parts[1], right, right_slots, costs, bins))
+    };
     own.copy_from_slice(&[children.0, children.1]);
     TreeNode { min, max, first: 2 * (part.first + middle as u32), count: 0 }
 }
@@ -202,14 +233,14 @@ fn all_bounds(items: &[Item]) -> (Box4, Box4) {
 
 /// Puts the items into two parts and gives the size of the first and both;
 /// `None` when they are better off as a leaf.
-fn split(part: &Part, items: &mut [Item], costs: Costs) -> Option<(usize, [Part; 2])> {
+fn split(part: &Part, items: &mut [Item], costs: Costs, bins: &mut Bins) -> Option<(usize, [Part; 2])> {
     let count = items.len();
-    if count <= 1 {
+    if count <= costs.small {
         return None;
     }
     if part.depth < MEDIAN_DEPTH
         && let Some(binning) = Binning::new(part, count)
-        && let Some(plane) = binning.best_plane(items, costs)
+        && let Some(plane) = binning.best_plane(items, costs, bins)
     {
         if count <= costs.leaf && plane.saving <= 0.0 {
             return None;
@@ -275,11 +306,13 @@ impl Bin {
 /// Bins of all three axes.
 type Bins = [[Bin; 3]; BINS];
 
+const NO_BINS: Bins = [[NO_BIN; 3]; BINS];
+
 impl Binning {
     /// `None` when centres coincide or are beyond the range of f32.
     fn new(part: &Part, count: usize) -> Option<Binning> {
         // Just below the number of bins, so that rounding cannot reach the next.
-        let bins = (4 + count / 4).min(BINS);
+        let bins = (4 + count / 8).min(BINS);
         let width = bins as f32 * (1.0 - 1e-6);
         let extent = part.centres.bounds().extent();
         let scale = |x: f32| if x > 0.0 && (width / x).is_finite() { width / x } else { 0.0 };
@@ -308,8 +341,10 @@ impl Binning {
         place.to_array().map(|x| x.to_bits() & (BINS as u32 - 1))
     }
 
-    fn fill(&self, items: &[Item]) -> Bins {
-        let mut bins = [[NO_BIN; 3]; BINS];
+    fn fill(&self, items: &[Item], bins: &mut Bins) {
+        for bin in bins[..self.bins].as_flattened_mut() {
+            *bin = NO_BIN;
+        }
         for item in items {
             let index = self.bins_of(item);
             for axis in 0..3 {
@@ -318,23 +353,27 @@ impl Binning {
                 bin.count += 1;
             }
         }
-        bins
     }
 
-    fn fill_all(&self, items: &[Item]) -> Bins {
+    fn fill_all(&self, items: &[Item], bins: &mut Bins) {
         if items.len() < PARALLEL_BINS {
-            return self.fill(items);
+            return self.fill(items, bins);
         }
+        let one = |chunk| {
+            let mut bins = NO_BINS;
+            self.fill(chunk, &mut bins);
+            bins
+        };
         let join = |mut a: Bins, b: Bins| {
             a.as_flattened_mut().iter_mut().zip(b.as_flattened()).for_each(|(a, b)| *a = a.join(*b));
             a
         };
-        items.par_chunks(PARALLEL_BINS / 4).map(|chunk| self.fill(chunk)).reduce(|| [[NO_BIN; 3]; BINS], join)
+        *bins = items.par_chunks(PARALLEL_BINS / 4).map(one).reduce(|| NO_BINS, join);
     }
 
     /// The cheapest plane over all axes, the first one among equals.
-    fn best_plane(&self, items: &[Item], costs: Costs) -> Option<Plane> {
-        let bins = self.fill_all(items);
+    fn best_plane(&self, items: &[Item], costs: Costs, bins: &mut Bins) -> Option<Plane> {
+        self.fill_all(items, bins);
         let count = items.len() as u32;
         let mut best: Option<(f32, usize, usize)> = None;
         for axis in (0..3).filter(|axis| self.scale[*axis] > 0.0) {
@@ -362,7 +401,7 @@ impl Binning {
             bins[range].iter().fold(NO_BIN, |sum, bin| sum.join(bin[axis])).bounds
         };
         let boxes = [over(0..last + 1), over(last + 1..self.bins)];
-        let saving = (count.div_ceil(costs.block) as f32 - costs.node) * self.area - weight;
+        let saving = (costs.blocks(count) - costs.node) * self.area - weight;
         Some(Plane { axis, last: last as u32, saving, boxes })
     }
 
@@ -372,7 +411,7 @@ impl Binning {
         if bin.count == 0 {
             return 0.0;
         }
-        bin.bounds.half_area(self.area_scale) * bin.count.div_ceil(costs.block) as f32
+        bin.bounds.half_area(self.area_scale) * costs.blocks(bin.count)
     }
 }
 

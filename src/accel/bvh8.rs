@@ -13,7 +13,7 @@ use super::collapse::{Wide, collapse};
 use super::reinsert::{Effort, improve};
 use super::simd8::{Met, Portable, Slots, Stack, WideTask, WideTest};
 use super::stats::{Share, Stats};
-use super::wide::{Block, LANES, Link};
+use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::desc::{Error, Result};
 use crate::math::Bounds;
 use crate::shape::{Geometry, Hit, RayProbe};
@@ -54,18 +54,30 @@ impl Quality {
     }
 }
 
-/// Cost of opening a binary node, in leaf blocks: one box test in eight.
-const COSTS: Costs = Costs { node: 0.3, block: LANES as u32, leaf: 2 };
+impl Quality {
+    /// Leaves of two at high quality, so that the optimiser has something to
+    /// move; the collapse joins them. Opening a binary node costs one box test
+    /// in eight.
+    fn costs(self) -> Costs {
+        let leaf = match self {
+            Quality::Fast => LANES,
+            Quality::High => LANES / 2,
+        };
+        Costs { node: 0.3, block_log: LANES.ilog2(), leaf, small: leaf }
+    }
+}
+
 /// Cost of visiting a wide node, in leaf blocks.
 const PRICE: f32 = 1.0;
-const EFFORT: Effort = Effort { rounds: 3, share: 0.1 };
+/// More rounds or a larger share gain one per cent for half as much work again.
+const EFFORT: Effort = Effort { rounds: 6, share: 0.1 };
 
 impl Bvh8 {
     /// Builds the tree. Fails when it takes more than 8 GiB.
     pub fn new(geometry: &Geometry, quality: Quality) -> Result<Bvh8> {
         let mut items: Vec<Item> =
             (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
-        let tree = build(&mut items, COSTS).compact();
+        let tree = build(&mut items, quality.costs()).compact();
         let plain = || collapse(geometry, &items, &tree, PRICE);
         let wide = match quality {
             Quality::Fast => plain(),
@@ -160,7 +172,10 @@ impl WideTask for Closest<'_> {
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
                 test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
-                    current = test.descend(mask, near, node, &mut stack);
+                    current = match single(mask, node) {
+                        Some(child) => child,
+                        None => test.descend(mask, near, node, &mut stack),
+                    };
                     continue;
                 }
             } else {
@@ -184,6 +199,12 @@ impl WideTask for Closest<'_> {
             }
         }
     }
+}
+
+/// The child in `mask`, when there is only one.
+#[inline(always)]
+fn single(mask: u32, node: &Node8) -> Option<Link> {
+    (mask & (mask - 1) == 0).then(|| node.children[mask.trailing_zeros() as usize % WIDTH])
 }
 
 /// Takes all triangles of a block that have been hit.
@@ -227,7 +248,10 @@ impl WideTask for Occluded<'_> {
                 let (mask, _) = test.boxes(&ray, node, limit);
                 test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
-                    current = test.descend_any(mask, node, &mut stack);
+                    current = match single(mask, node) {
+                        Some(child) => child,
+                        None => test.descend_any(mask, node, &mut stack),
+                    };
                     continue;
                 }
             } else {

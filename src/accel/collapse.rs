@@ -22,11 +22,14 @@ pub struct Wide {
     pub root: Option<Link>,
 }
 
+/// Bytes per primitive that are more than enough for most trees.
+const ROOM: usize = 96;
+
 /// Collapses a binary tree whose leaves are sorted items, and whose children
 /// come after their parents. `price` is the cost of a node in leaves.
 pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) -> Wide {
     let source = Source { geometry, items, tree, plan: Plan::new(tree, price) };
-    let mut wide = Wide::default();
+    let mut wide = Wide { arena: Arena::with_room(ROOM * items.len()), root: None };
     wide.root = (!tree.nodes.is_empty()).then(|| {
         if source.plan.is_leaf(0) {
             return wide.add_leaf(&source, 0);
@@ -35,7 +38,8 @@ pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) ->
         wide.fill(&source, 0, root);
         Link::node(root)
     });
-    Wide { arena: wide.arena.settle(), root: wide.root }
+    wide.arena.settle();
+    wide
 }
 
 /// What is collapsed.

@@ -49,6 +49,7 @@ pub struct Portable;
 pub struct PortableRay {
     origin: [f32; 3],
     inv_dir: [f32; 3],
+    inv_far: [f32; 3],
     negative: [bool; 3],
 }
 
@@ -60,21 +61,21 @@ impl BoxTest for Portable {
         PortableRay {
             origin: probe.origin.to_array(),
             inv_dir: probe.inv_dir.to_array(),
+            inv_far: probe.inv_far.to_array(),
             negative: probe.inv_dir.to_array().map(f32::is_sign_negative),
         }
     }
 
     #[inline(always)]
     fn test(self, ray: &PortableRay, node: &Node, limit: f32) -> ([bool; 2], [f32; 2]) {
-        const SLACK: [f32; 4] = [1.0, 1.0, -RayProbe::FAR_SLACK, -RayProbe::FAR_SLACK];
         let mut m = [0.0, 0.0, -limit, -limit];
         for axis in 0..3 {
-            let planes = node.planes[axis];
-            let t = planes.map(|x| (x - ray.origin[axis]) * ray.inv_dir[axis]);
-            let t = if ray.negative[axis] { [t[2], t[3], t[0], t[1]] } else { t };
+            let d = node.planes[axis].map(|x| x - ray.origin[axis]);
+            let d = if ray.negative[axis] { [d[2], d[3], d[0], d[1]] } else { d };
+            let (near, far) = (ray.inv_dir[axis], -ray.inv_far[axis]);
+            let t = [d[0] * near, d[1] * near, d[2] * far, d[3] * far];
             for lane in 0..4 {
-                let s = t[lane] * SLACK[lane];
-                m[lane] = if s > m[lane] { s } else { m[lane] };
+                m[lane] = if t[lane] > m[lane] { t[lane] } else { m[lane] };
             }
         }
         ([m[0] <= -m[2], m[1] <= -m[3]], [m[0], m[1]])
@@ -95,10 +96,11 @@ mod x86 {
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2(());
 
-    /// A ray for [`Avx2`]: every number in all four lanes.
+    /// A ray for [`Avx2`]: the origin in all four lanes.
     #[derive(Clone, Copy, Debug)]
     pub struct Avx2Ray {
         origin: [__m128; 3],
+        /// Reciprocal directions of near ends, and negated ones of far ends.
         inv_dir: [__m128; 3],
         /// Lane indices that put near ends first.
         order: [__m128i; 3],
@@ -149,10 +151,12 @@ mod x86 {
         let straight = _mm_setr_epi32(0, 1, 2, 3);
         let crossed = _mm_setr_epi32(2, 3, 0, 1);
         let order = |axis: usize| if probe.inv_dir[axis].is_sign_negative() { crossed } else { straight };
-        let (o, i) = (probe.origin, probe.inv_dir);
+        let o = probe.origin;
+        let inv = |near: f32, far: f32| _mm_setr_ps(near, near, -far, -far);
+        let (n, f) = (probe.inv_dir, probe.inv_far);
         Avx2Ray {
             origin: [_mm_set1_ps(o.x), _mm_set1_ps(o.y), _mm_set1_ps(o.z)],
-            inv_dir: [_mm_set1_ps(i.x), _mm_set1_ps(i.y), _mm_set1_ps(i.z)],
+            inv_dir: [inv(n.x, f.x), inv(n.y, f.y), inv(n.z, f.z)],
             order: [order(0), order(1), order(2)],
         }
     }
@@ -160,14 +164,12 @@ mod x86 {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn test(ray: &Avx2Ray, node: &Node, limit: f32) -> ([bool; 2], [f32; 2]) {
-        let slack = _mm_setr_ps(1.0, 1.0, -RayProbe::FAR_SLACK, -RayProbe::FAR_SLACK);
         let mut m = _mm_setr_ps(0.0, 0.0, -limit, -limit);
         for axis in 0..3 {
             // SAFETY: `planes[axis]` is four f32 in a row.
             let planes = unsafe { _mm_loadu_ps(node.planes[axis].as_ptr()) };
-            let t = _mm_mul_ps(_mm_sub_ps(planes, ray.origin[axis]), ray.inv_dir[axis]);
-            let t = _mm_permutevar_ps(t, ray.order[axis]);
-            m = _mm_max_ps(_mm_mul_ps(t, slack), m);
+            let d = _mm_permutevar_ps(_mm_sub_ps(planes, ray.origin[axis]), ray.order[axis]);
+            m = _mm_max_ps(_mm_mul_ps(d, ray.inv_dir[axis]), m);
         }
         let far = _mm_xor_ps(_mm_movehl_ps(m, m), _mm_set1_ps(-0.0));
         let mask = _mm_movemask_ps(_mm_cmple_ps(m, far));

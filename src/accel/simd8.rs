@@ -4,9 +4,7 @@
 //!
 //! Both do the same operations in the same order on every lane, so they agree
 //! bit for bit. The box test is that of [`RayProbe::interval`]: `max` keeps its
-//! second operand when the first is NaN, as the instruction does. The slack is
-//! put on the smallest of the far ends instead of on each, which is the same
-//! number since rounding is monotone.
+//! second operand when the first is NaN, as the instruction does.
 
 #![allow(unsafe_code, reason = "the stack is not cleared for every ray; each block says why it is sound")]
 
@@ -159,6 +157,7 @@ pub struct Portable;
 pub struct PortableRay {
     origin: [f32; 3],
     inv_dir: [f32; 3],
+    inv_far: [f32; 3],
     /// Which planes are near and which far.
     planes: [[usize; 2]; 3],
 }
@@ -176,27 +175,26 @@ impl WideTest for Portable {
         PortableRay {
             origin: probe.origin.to_array(),
             inv_dir: probe.inv_dir.to_array(),
+            inv_far: probe.inv_far.to_array(),
             planes: [planes(0), planes(1), planes(2)],
         }
     }
 
     #[inline(always)]
     fn boxes(self, ray: &PortableRay, node: &Node8, limit: f32) -> (u32, [f32; WIDTH]) {
-        let (mut near, mut far) = ([0.0; WIDTH], [f32::INFINITY; WIDTH]);
+        let (mut near, mut far) = ([0.0; WIDTH], [limit; WIDTH]);
         for axis in 0..3 {
             let [enter, leave] = ray.planes[axis].map(|i| &node.planes[i]);
             for lane in 0..WIDTH {
                 let t = (enter[lane] - ray.origin[axis]) * ray.inv_dir[axis];
                 near[lane] = if t > near[lane] { t } else { near[lane] };
-                let t = (leave[lane] - ray.origin[axis]) * ray.inv_dir[axis];
+                let t = (leave[lane] - ray.origin[axis]) * ray.inv_far[axis];
                 far[lane] = if t < far[lane] { t } else { far[lane] };
             }
         }
         let mut mask = 0;
         for lane in 0..WIDTH {
-            let far = far[lane] * RayProbe::FAR_SLACK;
-            let far = if far < limit { far } else { limit };
-            mask |= u32::from(near[lane] <= far) << lane;
+            mask |= u32::from(near[lane] <= far[lane]) << lane;
         }
         (mask, near)
     }

@@ -94,13 +94,18 @@ impl Arena {
         size_of_val(&*self.units)
     }
 
-    /// The same without slack, in large pages where the system has them: rays
-    /// jump about in it, and a translation missed costs as much as the data.
-    pub fn settle(&self) -> Arena {
-        let mut units = Vec::with_capacity(self.units.len());
+    /// An empty one with room for so many bytes, in large pages where the
+    /// system has them: rays jump about in it, and a translation missed costs
+    /// as much as the data.
+    pub fn with_room(bytes: usize) -> Arena {
+        let units = Vec::with_capacity(bytes / size_of::<Unit>());
         advise_large_pages(&units);
-        units.extend_from_slice(&self.units);
         Arena { units }
+    }
+
+    /// Gives back the room that is left.
+    pub fn settle(&mut self) {
+        self.units.shrink_to_fit();
     }
 }
 

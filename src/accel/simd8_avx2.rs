@@ -20,6 +20,7 @@ use crate::shape::RayProbe;
 pub struct WideRay {
     origin: [__m256; 3],
     inv_dir: [__m256; 3],
+    inv_far: [__m256; 3],
     /// Where the near planes of a node are, and the far ones, in bytes from
     /// its beginning: multiples of 32 below 192.
     near: [usize; 3],
@@ -123,9 +124,11 @@ fn prepare(probe: &RayProbe) -> WideRay {
     let behind = probe.turned_inv_dir.map(|inv| (inv.to_bits() >> 31) as usize);
     let near = [0, 1, 2].map(|i| 64 * axes[i] + 32 * behind[i]);
     let (o, i, s) = (&probe.turned_origin, &probe.turned_inv_dir, &probe.shear);
+    let f = &probe.turned_inv_far;
     WideRay {
         origin: [_mm256_set1_ps(o[0]), _mm256_set1_ps(o[1]), _mm256_set1_ps(o[2])],
         inv_dir: [_mm256_set1_ps(i[0]), _mm256_set1_ps(i[1]), _mm256_set1_ps(i[2])],
+        inv_far: [_mm256_set1_ps(f[0]), _mm256_set1_ps(f[1]), _mm256_set1_ps(f[2])],
         near,
         far: near.map(|n| n ^ 32),
         shear: [_mm_set1_ps(s[0]), _mm_set1_ps(s[1])],
@@ -137,19 +140,19 @@ fn prepare(probe: &RayProbe) -> WideRay {
 #[target_feature(enable = "avx2")]
 fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
     let base: *const u8 = node.planes.as_ptr().cast();
-    let distance = |axis: usize, at: usize| {
+    let from_origin = |axis: usize, at: usize| {
         // SAFETY: eight f32 of one plane: `prepare` makes the offsets.
         let planes = unsafe { _mm256_load_ps(base.add(at).cast()) };
-        _mm256_mul_ps(_mm256_sub_ps(planes, ray.origin[axis]), ray.inv_dir[axis])
+        _mm256_sub_ps(planes, ray.origin[axis])
     };
     let mut near = _mm256_setzero_ps();
-    let mut far = _mm256_set1_ps(f32::INFINITY);
+    let mut far = _mm256_set1_ps(limit);
     for axis in 0..3 {
-        near = _mm256_max_ps(distance(axis, ray.near[axis]), near);
-        far = _mm256_min_ps(distance(axis, ray.far[axis]), far);
+        let enter = _mm256_mul_ps(from_origin(axis, ray.near[axis]), ray.inv_dir[axis]);
+        let leave = _mm256_mul_ps(from_origin(axis, ray.far[axis]), ray.inv_far[axis]);
+        near = _mm256_max_ps(enter, near);
+        far = _mm256_min_ps(leave, far);
     }
-    let far = _mm256_mul_ps(far, _mm256_set1_ps(RayProbe::FAR_SLACK));
-    let far = _mm256_min_ps(far, _mm256_set1_ps(limit));
     let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
     (_mm256_movemask_ps(met) as u32, Near { near, met })
 }
@@ -157,9 +160,6 @@ fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
 #[inline]
 #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
 fn descend(mask: u32, near: Near, node: &Node8, stack: &mut Stack<'_>) -> Link {
-    if mask & (mask - 1) == 0 {
-        return node.children[mask.trailing_zeros() as usize % WIDTH];
-    }
     // Keys of what is met, in reverse: the nearest is the greatest, and what is
     // not met is greater than all.
     const TOP: i32 = i32::MAX;
@@ -198,20 +198,18 @@ fn descend(mask: u32, near: Near, node: &Node8, stack: &mut Stack<'_>) -> Link {
 fn descend_any(mask: u32, node: &Node8, stack: &mut Stack<'_>) -> Link {
     let last = 31 - mask.leading_zeros();
     let mask = mask ^ (1 << last);
-    if mask != 0 {
-        // SAFETY: eight bytes, and eight numbers, in a row.
-        let (order, children) = unsafe {
-            (
-                _mm_loadl_epi64(LANES_OF[mask as usize % LANES_OF.len()].as_ptr().cast()),
-                _mm256_loadu_si256(node.children.as_ptr().cast()),
-            )
-        };
-        let links = _mm256_permutevar8x32_epi32(children, _mm256_cvtepu8_epi32(order));
-        stack.push_some(mask.count_ones() as usize, |_, to_links| {
-            // SAFETY: eight numbers in a row.
-            unsafe { _mm256_storeu_si256(to_links.as_mut_ptr().cast(), links) }
-        });
-    }
+    // SAFETY: eight bytes, and eight numbers, in a row.
+    let (order, children) = unsafe {
+        (
+            _mm_loadl_epi64(LANES_OF[mask as usize % LANES_OF.len()].as_ptr().cast()),
+            _mm256_loadu_si256(node.children.as_ptr().cast()),
+        )
+    };
+    let links = _mm256_permutevar8x32_epi32(children, _mm256_cvtepu8_epi32(order));
+    stack.push_some(mask.count_ones() as usize, |_, to_links| {
+        // SAFETY: eight numbers in a row.
+        unsafe { _mm256_storeu_si256(to_links.as_mut_ptr().cast(), links) }
+    });
     node.children[last as usize % WIDTH]
 }
 
@@ -350,12 +348,13 @@ fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m1
     for (axis, (low, high)) in corners.into_iter().enumerate() {
         let origin = _mm256_castps256_ps128(ray.origin[axis]);
         let inv_dir = _mm256_castps256_ps128(ray.inv_dir[axis]);
-        let low = _mm_mul_ps(_mm_sub_ps(_mm_sub_ps(low, error), origin), inv_dir);
-        let high = _mm_mul_ps(_mm_sub_ps(_mm_add_ps(high, error), origin), inv_dir);
-        near = _mm_max_ps(_mm_blendv_ps(low, high, inv_dir), near);
-        far = _mm_min_ps(_mm_blendv_ps(high, low, inv_dir), far);
+        let inv_far = _mm256_castps256_ps128(ray.inv_far[axis]);
+        let low = _mm_sub_ps(_mm_sub_ps(low, error), origin);
+        let high = _mm_sub_ps(_mm_add_ps(high, error), origin);
+        let (enter, leave) = (_mm_blendv_ps(low, high, inv_dir), _mm_blendv_ps(high, low, inv_dir));
+        near = _mm_max_ps(_mm_mul_ps(enter, inv_dir), near);
+        far = _mm_min_ps(_mm_mul_ps(leave, inv_far), far);
     }
-    let far = _mm_mul_ps(far, _mm_set1_ps(RayProbe::FAR_SLACK));
     let finite = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(f32::INFINITY)));
     let crossed = _mm_cmple_ps(near, far);
     let t = _mm_min_ps(far, _mm_max_ps(near, t));

@@ -5,9 +5,11 @@ use crate::math::{Bounds, Ray, Vec3, gamma};
 
 /// A ray made ready to be tested against boxes and triangles.
 ///
-/// Box tests multiply the distance at which the ray leaves by
+/// Box tests stretch the distance at which the ray leaves by
 /// [`RayProbe::FAR_SLACK`] so that rounding never loses a box (Ize 2013,
-/// "Robust BVH Ray Traversal"; pbrt-v4 section 6.1.2). All comparisons drop
+/// "Robust BVH Ray Traversal"; pbrt-v4 section 6.1.2). The factor is put on
+/// the reciprocal direction once for each ray: as many roundings as when it is
+/// put on each distance, and as monotone. All comparisons drop
 /// NaN, which arises only where the origin lies on a face parallel to the ray:
 /// such a face does not bound.
 #[derive(Clone, Copy, Debug)]
@@ -19,6 +21,8 @@ pub struct RayProbe {
     /// 1 / direction, per axis; ±∞ where the direction is ±0. Its sign says
     /// which faces of a box the ray meets first.
     pub inv_dir: Vec3,
+    /// `inv_dir` times [`RayProbe::FAR_SLACK`].
+    pub inv_far: Vec3,
     /// End of the ray.
     pub t_max: f32,
     /// First primitive to leave out.
@@ -28,9 +32,10 @@ pub struct RayProbe {
     /// The axes, turned so that the one along which the direction is longest
     /// is the third. Each is below 3.
     pub(crate) axes: [u8; 3],
-    /// Origin and 1 / direction, so turned.
+    /// Origin and reciprocal directions, so turned.
     pub(crate) turned_origin: [f32; 3],
     pub(crate) turned_inv_dir: [f32; 3],
+    pub(crate) turned_inv_far: [f32; 3],
     /// (dir.x / dir.z, dir.y / dir.z, 1 / dir.z), so turned.
     pub(crate) shear: [f32; 3],
 }
@@ -57,6 +62,7 @@ impl RayProbe {
             axes.map(|axis| v[usize::from(axis & 3)])
         };
         let inv_dir = d.recip();
+        let inv_far = inv_dir * RayProbe::FAR_SLACK;
         let ([x, y, z], turned_inv_dir) = (turn(d), turn(inv_dir));
         if !(finite & (z != 0.0) & (ray.t_max > 0.0)) {
             return None;
@@ -65,12 +71,14 @@ impl RayProbe {
             origin: ray.origin,
             dir: d,
             inv_dir,
+            inv_far,
             t_max: ray.t_max,
             skip: ray.skip,
             skip_end: ray.skip_end,
             axes,
             turned_origin: turn(ray.origin),
             turned_inv_dir,
+            turned_inv_far: turn(inv_far),
             shear: [x / z, y / z, turned_inv_dir[2]],
         })
     }
@@ -87,16 +95,12 @@ impl RayProbe {
     #[must_use]
     #[inline(always)]
     pub fn interval(&self, bounds: &Bounds) -> (f32, f32) {
-        let lower = (bounds.min - self.origin) * self.inv_dir;
-        let upper = (bounds.max - self.origin) * self.inv_dir;
+        let (lower, upper) = (bounds.min - self.origin, bounds.max - self.origin);
         let (mut near, mut far) = (0.0f32, f32::INFINITY);
         for axis in 0..3 {
-            let (enter, leave) = if self.inv_dir[axis].is_sign_negative() {
-                (upper[axis], lower[axis])
-            } else {
-                (lower[axis], upper[axis])
-            };
-            let leave = leave * RayProbe::FAR_SLACK;
+            let behind = self.inv_dir[axis].is_sign_negative();
+            let (enter, leave) = if behind { (upper[axis], lower[axis]) } else { (lower[axis], upper[axis]) };
+            let (enter, leave) = (enter * self.inv_dir[axis], leave * self.inv_far[axis]);
             near = if enter > near { enter } else { near };
             far = if leave < far { leave } else { far };
         }
