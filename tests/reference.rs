@@ -1,13 +1,13 @@
 //! Every reference of `refs/` against Mitsuba, pixel by pixel.
 //!
-//! Both sides have variances: Mitsuba's from its passes, ours from 16
+//! Both sides have variances: Mitsuba's from its passes, ours from at least 16
 //! independent seeds. |z| of every pixel and channel is compared with a
 //! threshold corrected for their number (Šidák, 1 % for the picture): 99.75 %
 //! must be inside; 8 × 8 blocks must all be; and the signed difference of the
 //! whole mean must be within three standard errors and under 0.2 %. A picture
-//! too noisy to tell fails, but for at most two that would need more samples
-//! than the default budget: `ETENDUE_REFERENCE_LONG=1 cargo test --test
-//! reference` decides those too. `tests/mutations.rs` shows that bugs are found.
+//! too noisy to tell fails. How many samples it takes follows from the error
+//! that the reference itself has (`Reference::batches`).
+//! `tests/mutations.rs` shows that bugs are found.
 //!
 //! A failure leaves both pictures in `target/reference-failures`.
 
@@ -18,7 +18,9 @@ mod reference;
 #[path = "common/render.rs"]
 mod render;
 
-use etendue::study::Verdict;
+use std::time::Instant;
+
+use cpu_time::ProcessTime;
 use reference::Reference;
 
 /// `ETENDUE_REFERENCE=veach-mis` runs the references whose name contains it.
@@ -27,26 +29,27 @@ fn chosen(name: &str) -> bool {
 }
 
 fn check(names: &[String]) {
-    let (mut failures, mut open) = (Vec::new(), Vec::new());
+    let mut failures = Vec::new();
     for name in names.iter().filter(|n| chosen(n)) {
-        let clock = std::time::Instant::now();
+        let clock = (Instant::now(), ProcessTime::now());
         let reference = Reference::read(name);
         let ready = reference.scene(|_| {});
         let ours = reference.ours(&ready);
         let report = reference.test(&ours, reference::overlap(&ready.scene.film.filter));
-        println!("{name} ({:.1} s): {report}", clock.elapsed().as_secs_f64());
-        // What the default budget of samples cannot decide, the long run does.
-        let undecided = report.verdict == Verdict::Inconclusive && !reference::long_run();
-        if undecided {
-            open.push(name.clone());
-        }
-        if !report.passed() && !undecided {
+        println!(
+            "{name} ({:.1} s, {:.1} CPU s; {} × {} spp, ±{:.4} % by ours, ±{:.4} % by the reference): {report}",
+            clock.0.elapsed().as_secs_f64(),
+            clock.1.elapsed().as_secs_f64(),
+            ours.batches,
+            ours.samples,
+            100.0 * ours.mean_error,
+            100.0 * reference.mean_error(),
+        );
+        if !report.passed() {
             let folder = reference.dump(&ours);
             failures.push(format!("{name}: {report}\n  pictures in {}", folder.display()));
         }
     }
-    println!("undecided within the default budget: {open:?}");
-    assert!(open.len() <= 2, "too many undecided: {open:?}");
     assert!(failures.is_empty(), "{} of {} differ:\n{}", failures.len(), names.len(), failures.join("\n"));
 }
 

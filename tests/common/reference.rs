@@ -25,19 +25,23 @@ pub struct Reference {
     variance: Vec<f32>,
 }
 
-/// Independent renders that our mean and variance are made of.
+/// Independent renders that our mean and variance are made of, at least.
 const BATCHES: u64 = 16;
+/// Samples per pixel of each batch of the pilot, and of any batch at most.
+const SAMPLES: (u64, u64) = (16, 1024);
 /// Relative standard error of the whole mean that is asked of our side: the
 /// reference's own, but within these.
 const WANTED: (f64, f64) = (2e-4, 6e-4);
-/// Samples per pixel and batch: first try and most.
-const SAMPLES: (u64, u64) = (16, 4096);
-/// Most samples in all batches unless the long run is asked for: where the
-/// reference itself can decide, and where its own noise leaves little hope.
-const BUDGET: (u64, u64) = (240_000_000, 30_000_000);
+/// Samples in all batches beyond which a decision is enough …
+const BUDGET: u64 = 40_000_000;
+/// … that is, this relative standard error of the difference of whole means;
+/// from 1e-3 on the test calls it inconclusive.
+const DECIDES: f64 = 9.8e-4;
+/// Most samples per pixel: where an estimator ends that does not converge.
+pub const MOST: u64 = 100_000;
 
-/// True when `ETENDUE_REFERENCE_LONG` asks for as many samples as it takes.
-pub fn long_run() -> bool {
+/// True when `ETENDUE_REFERENCE_LONG` asks for the wanted error at any cost.
+fn long_run() -> bool {
     std::env::var_os("ETENDUE_REFERENCE_LONG").is_some()
 }
 
@@ -49,6 +53,10 @@ pub struct Ours {
     pub variance: Vec<f32>,
     /// Relative standard error of the whole mean.
     pub mean_error: f64,
+    /// Independent renders that it is made of.
+    pub batches: u64,
+    /// Samples per pixel of each.
+    pub samples: u64,
 }
 
 /// Names of all references, sorted.
@@ -91,29 +99,48 @@ impl Reference {
         Ready::build(&desc, None, None)
     }
 
+    /// The error asked of our side after `samples` in all.
+    fn target(&self, samples: u64) -> f64 {
+        let wanted = self.mean_error().clamp(WANTED.0, WANTED.1);
+        if samples < BUDGET || long_run() {
+            return wanted;
+        }
+        (DECIDES.powi(2) - self.mean_error().powi(2)).max(0.0).sqrt().max(wanted)
+    }
+
     /// Renders independent batches of `picture(samples, seed)` until the whole
     /// mean is known well enough.
-    pub fn batches(&self, mut picture: impl FnMut(u64, u64) -> Vec<f32>) -> Ours {
-        let wanted = self.mean_error().clamp(WANTED.0, WANTED.1);
+    ///
+    /// A pilot says how many samples that takes; batches of two thirds of
+    /// what 16 would need follow, since low-discrepancy samples often do better
+    /// than 1/√n, and more of the same until it is enough. The pilot's are
+    /// dropped: a few per cent. Stops at `most` samples per pixel in any case.
+    pub fn batches(&self, most: u64, mut picture: impl FnMut(u64, u64) -> Vec<f32>) -> Ours {
         let pixels = (self.width * self.height) as u64;
-        let budget = if self.mean_error() < WANTED.1 { BUDGET.0 } else { BUDGET.1 };
-        let most = if long_run() { SAMPLES.1 } else { SAMPLES.1.min(budget / (BATCHES * pixels)) };
         let mut samples = SAMPLES.0;
+        let mut sums = Sums::default();
         loop {
-            let batches: Vec<Vec<f32>> = (0..BATCHES).map(|seed| picture(samples, 1000 + seed)).collect();
-            let ours = Ours::of(&batches);
-            if ours.mean_error <= wanted || samples >= most {
-                return ours;
+            while sums.count < BATCHES {
+                sums.add(&picture(samples, 1000 + sums.count));
             }
-            // As many as the error asks for, were it to fall as 1/√n.
-            let factor = (ours.mean_error / wanted).powi(2) * 1.2;
-            samples = ((samples as f64 * factor) as u64).max(samples * 2).min(most);
+            let need = (sums.mean_error() / self.target(sums.count * samples * pixels)).powi(2);
+            if need <= 1.0 || sums.count * samples >= most {
+                return sums.ours(samples);
+            }
+            let larger = ((samples as f64 * need / 1.5) as u64).min(SAMPLES.1).min(most / BATCHES);
+            if sums.count == BATCHES && larger >= 4 * samples {
+                (samples, sums) = (larger, Sums::default());
+                continue;
+            }
+            for _ in 0..(sums.count as f64 * (need - 1.0)).ceil().clamp(1.0, 4.0) as u64 {
+                sums.add(&picture(samples, 1000 + sums.count));
+            }
         }
     }
 
     /// Our estimate of the same picture, by the library.
     pub fn ours(&self, ready: &Ready) -> Ours {
-        self.batches(|samples, seed| {
+        self.batches(MOST, |samples, seed| {
             let rendered = render(&ready.scene, &ready.integrator, &options(samples, seed), &Quiet)
                 .unwrap_or_else(|e| panic!("{e}"));
             assert_eq!(rendered.stats.bad.total(), 0, "{}: {}", self.name, rendered.stats.bad.summary());
@@ -129,7 +156,7 @@ impl Reference {
             overlap,
             image_mean_error: Some(ours.mean_error),
             reference_mean_error: Some(self.mean_error()),
-            image_freedom: (BATCHES - 1) as f64,
+            image_freedom: (ours.batches - 1) as f64,
             reference_freedom: self.provenance["passes"].as_f64().expect("a count of passes") - 1.0,
             ..ZOptions::default()
         };
@@ -139,7 +166,7 @@ impl Reference {
 
     /// Relative standard error of the reference's whole mean, measured from
     /// its passes.
-    fn mean_error(&self) -> f64 {
+    pub fn mean_error(&self) -> f64 {
         self.provenance["mean_luminance_relative_error"].as_f64().expect("the error of the mean")
     }
 
@@ -158,20 +185,44 @@ impl Reference {
     }
 }
 
-impl Ours {
-    fn of(batches: &[Vec<f32>]) -> Ours {
-        let n = batches.len() as f64;
-        let (mut mean, mut variance) = (Vec::new(), Vec::new());
-        for i in 0..batches[0].len() {
-            let m = batches.iter().map(|b| f64::from(b[i])).sum::<f64>() / n;
-            let v = batches.iter().map(|b| (f64::from(b[i]) - m).powi(2)).sum::<f64>() / (n - 1.0) / n;
-            mean.push(m as f32);
-            variance.push(v as f32);
+/// Sums over batches: per value its mean and squared deviations (Welford), and
+/// every batch's total.
+#[derive(Default)]
+struct Sums {
+    count: u64,
+    values: Vec<(f64, f64)>,
+    totals: Vec<f64>,
+}
+
+impl Sums {
+    fn add(&mut self, batch: &[f32]) {
+        self.count += 1;
+        self.values.resize(batch.len(), (0.0, 0.0));
+        for ((mean, squares), value) in self.values.iter_mut().zip(batch) {
+            let step = f64::from(*value) - *mean;
+            *mean += step / self.count as f64;
+            *squares += step * (f64::from(*value) - *mean);
         }
-        let totals: Vec<f64> = batches.iter().map(|b| b.iter().map(|v| f64::from(*v)).sum::<f64>()).collect();
-        let m = totals.iter().sum::<f64>() / n;
-        let v = totals.iter().map(|t| (t - m).powi(2)).sum::<f64>() / (n - 1.0) / n;
-        Ours { mean, variance, mean_error: v.sqrt() / m }
+        self.totals.push(batch.iter().map(|v| f64::from(*v)).sum());
+    }
+
+    /// Relative standard error of the whole mean.
+    fn mean_error(&self) -> f64 {
+        let n = self.count as f64;
+        let mean = self.totals.iter().sum::<f64>() / n;
+        let squares: f64 = self.totals.iter().map(|t| (t - mean).powi(2)).sum();
+        (squares / (n - 1.0) / n).sqrt() / mean
+    }
+
+    fn ours(&self, samples: u64) -> Ours {
+        let n = self.count as f64;
+        Ours {
+            mean: self.values.iter().map(|v| v.0 as f32).collect(),
+            variance: self.values.iter().map(|v| (v.1 / (n - 1.0) / n) as f32).collect(),
+            mean_error: self.mean_error(),
+            batches: self.count,
+            samples,
+        }
     }
 }
 
