@@ -33,7 +33,12 @@ fn patch(light: u32, p: Vec3, size: f32, axis: Vec3, power: f64) -> Emitter {
     let bounds = Bounds { min: p - half, max: p + half };
     let radius = bounds.bounding_sphere().1;
     let falloff = std::f32::consts::FRAC_PI_2;
-    Emitter { light, prim: 0, extent: Extent { bounds, radius, axis, spread: 1e-4, falloff, power } }
+    Emitter {
+        light,
+        prim: 0,
+        prims: 1,
+        extent: Extent { bounds, radius, axis, spread: 1e-4, falloff, power },
+    }
 }
 
 /// Sets of emitters, ordinary and extreme.

@@ -35,8 +35,10 @@ pub struct Extent {
 pub struct Emitter {
     /// Index of the light.
     pub light: u32,
-    /// The primitive; not looked at where the light has none.
+    /// The first primitive; not looked at where the light has none.
     pub prim: PrimId,
+    /// How many primitives it is.
+    pub prims: u32,
     /// What bounds it.
     pub extent: Extent,
 }
@@ -48,11 +50,13 @@ impl Light {
     /// The emitters it consists of; none for lights at infinity.
     #[must_use]
     pub fn emitters(&self, geometry: &Geometry, light: u32) -> Vec<Emitter> {
-        let one = |extent| vec![Emitter { light, prim: 0, extent }];
+        let one = |extent| vec![Emitter { light, prim: 0, prims: 1, extent }];
         match self {
             Light::Area(area) => area
-                .prims(geometry)
-                .filter_map(|prim| Some(Emitter { light, prim, extent: area.extent(geometry, prim)? }))
+                .parts(geometry)
+                .filter_map(|(prim, prims)| {
+                    Some(Emitter { light, prim, prims, extent: area.extent(geometry, prim, prims)? })
+                })
                 .collect(),
             Light::Point(point) => one(Extent::everywhere(Bounds::point(point.position), 0.0, point.power())),
             Light::Spot(spot) => {
@@ -74,36 +78,42 @@ impl Extent {
 }
 
 impl AreaLight {
-    /// Its primitives.
-    fn prims(&self, geometry: &Geometry) -> std::ops::Range<PrimId> {
+    /// What of it is sampled by itself: first primitive and how many.
+    fn parts(&self, geometry: &Geometry) -> impl Iterator<Item = (PrimId, u32)> + use<> {
         let first = self.sampler.first_prim();
-        first..first + geometry.shapes()[self.sampler.shape() as usize].prim_count
+        let count = geometry.shapes()[self.sampler.shape() as usize].prim_count;
+        let step = if self.sampler.is_whole() { count } else { 1 };
+        (first..first + count).step_by(step as usize).map(move |prim| (prim, step))
     }
 
-    /// Bounds of one primitive; `None` without area or power.
-    fn extent(&self, geometry: &Geometry, prim: PrimId) -> Option<Extent> {
-        let area = geometry.area(prim);
-        let bounds = geometry.prim_bounds(prim);
+    /// Bounds of a part; `None` without area or power.
+    fn extent(&self, geometry: &Geometry, prim: PrimId, prims: u32) -> Option<Extent> {
+        let prims = prim..prim + prims;
+        let area: f64 = prims.clone().map(|prim| geometry.area(prim)).sum();
+        let bounds = prims.clone().map(|prim| geometry.prim_bounds(prim)).fold(Bounds::EMPTY, Bounds::union);
         let power = std::f64::consts::PI * area * self.radiance(geometry, prim);
         if !(power > 0.0) || !power.is_finite() {
             return None;
         }
-        let all = Extent::everywhere(bounds, bounds.bounding_sphere().1, power);
+        let round = Extent::everywhere(bounds, bounds.bounding_sphere().1, power);
         Some(match geometry.analytic(prim) {
             // The box of a sphere is widened by rounding; so is the sphere.
-            Some(Analytic::Sphere(_)) => Extent { radius: bounds.extent().max_element() * 0.5, ..all },
-            Some(Analytic::Cylinder(_)) => all,
+            Some(Analytic::Sphere(_)) => Extent { radius: bounds.extent().max_element() * 0.5, ..round },
+            Some(Analytic::Cylinder(_)) => round,
             Some(flat) => {
                 let axis = flat.sample_area(Vec2::splat(0.5)).ns.as_vec3();
-                Extent { axis, spread: SLACK, ..all }
+                Extent { axis, spread: SLACK, ..round }
             }
             None => {
                 let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
-                let normals = corners.map(|(u, v)| self.triangle_point(geometry, prim, u, v).ns);
+                let normals: Vec<Vec3> = prims
+                    .flat_map(|prim| corners.map(|(u, v)| (prim, u, v)))
+                    .map(|(prim, u, v)| self.triangle_point(geometry, prim, u, v).ns)
+                    .collect();
                 let axis = normals.iter().sum::<Vec3>().normalize_or(Vec3::Z);
                 let spread = normals.iter().map(|n| angle_between(*n, axis)).fold(0.0, f32::max) + SLACK;
                 // Normals between vertices lie between their normals only within half a sphere.
-                if spread < 0.99 * FRAC_PI_2 { Extent { axis, spread, ..all } } else { all }
+                if spread < 0.99 * FRAC_PI_2 { Extent { axis, spread, ..round } } else { round }
             }
         })
     }

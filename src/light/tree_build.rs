@@ -26,6 +26,8 @@ pub(super) struct Builder<'a> {
     unit: f32,
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
+    /// The emitter of each leaf.
+    leaf_items: Vec<u32>,
 }
 
 /// What many emitters sum up to.
@@ -91,6 +93,7 @@ impl<'a> Builder<'a> {
             unit,
             nodes: Vec::new(),
             leaves: Vec::new(),
+            leaf_items: Vec::new(),
         };
         let mut items: Vec<u32> =
             (0..emitters.len() as u32).filter(|i| builder.powers[*i as usize] > 0.0).collect();
@@ -110,11 +113,13 @@ impl<'a> Builder<'a> {
                 *slot = (emitter.prim, leaf_of.len() as u32);
                 last = Some(emitter.light);
             }
-            leaf_of.resize((slot.1 + (emitter.prim - slot.0)) as usize + 1, u32::MAX);
+            leaf_of.resize((slot.1 + (emitter.prim - slot.0) + emitter.prims) as usize, u32::MAX);
         }
-        for (index, leaf) in self.leaves.iter().enumerate() {
-            let (first_prim, first) = lights[leaf.light as usize];
-            leaf_of[(first + (leaf.prim - first_prim)) as usize] = index as u32;
+        for (leaf, item) in self.leaf_items.iter().enumerate() {
+            let Emitter { light, prim, prims, .. } = self.emitters[*item as usize];
+            let (first_prim, first) = lights[light as usize];
+            let start = (first + (prim - first_prim)) as usize;
+            leaf_of[start..start + prims as usize].fill(leaf as u32);
         }
         let Builder { nodes, leaves, origin, unit, .. } = self;
         LightTree { nodes, leaves, lights, leaf_of, origin, unit }
@@ -130,6 +135,7 @@ impl<'a> Builder<'a> {
             let child = if let [item] = group {
                 let Emitter { light, prim, .. } = self.emitters[*item as usize];
                 self.leaves.push(Leaf { trail: trail | 1 << (3 * (level + 1)), light, prim });
+                self.leaf_items.push(*item);
                 LEAF | (self.leaves.len() as u32 - 1)
             } else {
                 self.node(group, level + 1, trail)

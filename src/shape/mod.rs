@@ -35,6 +35,7 @@ mod geometry;
 mod linear;
 mod mesh;
 mod probe;
+mod quad;
 mod rectangle;
 mod sampler;
 mod sphere;

@@ -7,6 +7,7 @@
 //! converted by the *geometric* normal, dist² / (|cos θ|·A). Which side emits
 //! is for the light to decide.
 
+use super::quad::Quad;
 use super::view::RectFrame;
 use super::{
     Analytic, AnalyticPoint, Geometry, Hit, PrimId, RectView, ShapeId, ShapeSample, SphereView, SurfacePoint,
@@ -32,6 +33,7 @@ enum Method {
     /// A sphere, disk or cylinder.
     Plain,
     Rectangle(RectFrame),
+    Quad(Quad),
     Mesh(TriangleTable),
 }
 
@@ -61,6 +63,10 @@ impl ShapeSampler {
         let areas: Vec<f64> =
             (first_prim..first_prim + info.prim_count).map(|prim| geometry.area(prim)).collect();
         let table = TriangleTable::new(&areas)?;
+        if let Some(quad) = Quad::new(geometry, shape) {
+            let (area, method) = (table.total(), Method::Quad(quad));
+            return Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true });
+        }
         let (area, method) = (table.total(), Method::Mesh(table));
         Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true })
     }
@@ -89,12 +95,18 @@ impl ShapeSampler {
         self.area
     }
 
+    /// True when its primitives are sampled together, as one.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        !matches!(self.method, Method::Mesh(_))
+    }
+
     /// Memory of its tables in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         match &self.method {
             Method::Mesh(table) => table.memory_bytes(),
-            Method::Plain | Method::Rectangle(_) => 0,
+            Method::Plain | Method::Rectangle(_) | Method::Quad(_) => 0,
         }
     }
 
@@ -102,21 +114,24 @@ impl ShapeSampler {
     /// zero or not finite: edge-on, or at `from` itself.
     #[must_use]
     pub fn sample(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
-        let Method::Mesh(table) = &self.method else {
-            return self.sample_analytic(geometry, from, u);
-        };
-        let (index, u) = table.sample(u);
-        let prim = self.first_prim + index as u32;
-        self.sample_triangle(geometry, prim, from, u, geometry.area(prim) / self.area)
+        match &self.method {
+            Method::Mesh(table) => {
+                let (index, u) = table.sample(u);
+                let prim = self.first_prim + index as u32;
+                self.sample_triangle(geometry, prim, from, u, geometry.area(prim) / self.area)
+            }
+            Method::Quad(quad) => self.sample_quad(geometry, quad, from, u),
+            Method::Plain | Method::Rectangle(_) => self.sample_analytic(geometry, from, u),
+        }
     }
 
-    /// A point of one triangle of a mesh, or of the whole of another shape; the
-    /// density is that of the point once the primitive is chosen.
+    /// A point of one triangle of a mesh, or of all of a shape that
+    /// [`ShapeSampler::is_whole`]; the density is that of the point once the primitive is chosen.
     #[must_use]
     pub fn sample_prim(&self, geometry: &Geometry, prim: PrimId, from: Vec3, u: Vec2) -> Option<ShapeSample> {
         match &self.method {
             Method::Mesh(_) => self.sample_triangle(geometry, prim, from, u, 1.0),
-            Method::Plain | Method::Rectangle(_) => self.sample_analytic(geometry, from, u),
+            _ => self.sample(geometry, from, u),
         }
     }
 
@@ -131,11 +146,32 @@ impl ShapeSampler {
         let view = TriangleView::new(&geometry.triangle(prim)?, from);
         let (b1, b2) = view.sample(u).unwrap_or_else(|| uniform_triangle(u));
         let hit = Hit { t: 1.0, prim, u: b1, v: b2 };
-        let point = geometry.triangle_surface(self.shape, &hit);
+        self.finish_hit(geometry, &hit, from, |point, wi, distance_squared| {
+            pmf * view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, point, geometry.area(prim)))
+        })
+    }
+
+    fn sample_quad(&self, geometry: &Geometry, quad: &Quad, from: Vec3, u: Vec2) -> Option<ShapeSample> {
+        let view = RectView::of(&quad.frame, from);
+        let hit = quad.hit(view.sample(u).unwrap_or_else(|| Quad::uniform(u)));
+        self.finish_hit(geometry, &hit, from, |point, wi, distance_squared| {
+            view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, point, self.area))
+        })
+    }
+
+    /// The sample that a point of a triangle is, with its density by the point,
+    /// the direction and the square of the distance.
+    fn finish_hit(
+        &self,
+        geometry: &Geometry,
+        hit: &Hit,
+        from: Vec3,
+        pdf: impl Fn(&SurfacePoint, DVec3, f64) -> f64,
+    ) -> Option<ShapeSample> {
+        let point = geometry.triangle_surface(self.shape, hit);
         let offset = point.p.as_dvec3() - from.as_dvec3();
-        let (wi, distance_squared) = (offset.try_normalize()?, offset.length_squared());
-        let pdf = view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, &point, geometry.area(prim)));
-        finish(&point, wi, pmf * pdf)
+        let wi = offset.try_normalize()?;
+        finish(&point, wi, pdf(&point, wi, offset.length_squared()))
     }
 
     fn sample_analytic(&self, geometry: &Geometry, from: Vec3, u: Vec2) -> Option<ShapeSample> {
@@ -146,7 +182,8 @@ impl ShapeSampler {
         let (point, wi) = match (&view, analytic) {
             (View::Sphere(view), Analytic::Sphere(sphere)) => view.sample(sphere, u)?,
             (View::Rectangle(view), Analytic::Rectangle(rectangle)) => {
-                towards(view.sample(rectangle, u).unwrap_or_else(|| rectangle.sample_area(u)))?
+                let local = view.sample(u);
+                towards(local.map_or_else(|| rectangle.sample_area(u), |[x, y]| rectangle.at(x, y)))?
             }
             _ => towards(analytic.sample_area(u))?,
         };
@@ -166,6 +203,7 @@ impl ShapeSampler {
     pub fn is_hidden(&self, from: Vec3, normal: Option<Vec3>) -> bool {
         match &self.method {
             Method::Rectangle(frame) => frame.is_hidden(from, normal),
+            Method::Quad(quad) => quad.frame.is_hidden(from, normal),
             Method::Plain | Method::Mesh(_) => false,
         }
     }
@@ -184,7 +222,7 @@ impl ShapeSampler {
     ) -> f32 {
         let pmf = match &self.method {
             Method::Mesh(_) => geometry.area(point.prim) / self.area,
-            Method::Plain | Method::Rectangle(_) => 1.0,
+            Method::Plain | Method::Rectangle(_) | Method::Quad(_) => 1.0,
         };
         in_f32(pmf * self.pdf_of_prim(geometry, from, point, wi, distance_squared))
     }
@@ -211,6 +249,9 @@ impl ShapeSampler {
         distance_squared: f32,
     ) -> f64 {
         let uniform = |area| by_area(f64::from(distance_squared), wi.as_dvec3(), point, area);
+        if let Method::Quad(quad) = &self.method {
+            return RectView::of(&quad.frame, from).pdf().unwrap_or_else(|| uniform(self.area));
+        }
         match (geometry.analytic(self.first_prim), geometry.triangle(point.prim)) {
             (Some(analytic), _) => self.view(analytic, from).pdf(uniform(self.area)),
             (None, Some(vertices)) => {

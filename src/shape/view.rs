@@ -115,8 +115,8 @@ pub(crate) struct RectFrame {
     /// Edge lengths.
     width: f64,
     height: f64,
-    /// Unit shading normal.
-    ns: DVec3,
+    /// Unit shading normal, if it is the same everywhere.
+    ns: Option<DVec3>,
     /// Its corners are right angles.
     square: bool,
 }
@@ -127,17 +127,22 @@ impl RectFrame {
 
     pub(crate) fn new(rectangle: &Rectangle) -> RectFrame {
         let plane = &rectangle.plane;
-        let (width, height) = (plane.x.length() * 2.0, plane.y.length() * 2.0);
-        let (x, y) = (plane.x * (2.0 / width), plane.y * (2.0 / height));
-        let square = x.dot(y).abs() <= RectFrame::MAX_SHEAR;
-        RectFrame { centre: plane.centre, x, y, width, height, ns: rectangle.ns, square }
+        let frame = RectFrame::from_edges(plane.centre, plane.x * 2.0, plane.y * 2.0, Some(rectangle.ns));
+        let square = frame.x.dot(frame.y).abs() <= RectFrame::MAX_SHEAR;
+        RectFrame { square, ..frame }
+    }
+
+    /// From edges at right angles and the normal, if it is the same everywhere.
+    pub(crate) fn from_edges(centre: DVec3, x: DVec3, y: DVec3, ns: Option<DVec3>) -> RectFrame {
+        let (width, height) = (x.length(), y.length());
+        RectFrame { centre, x: x / width, y: y / height, width, height, ns, square: true }
     }
 
     /// True when `from` is behind the rectangle or all of it lies below the
     /// horizon of `normal` there.
     pub(crate) fn is_hidden(&self, from: Vec3, normal: Option<Vec3>) -> bool {
         let to_centre = self.centre - from.as_dvec3();
-        if self.ns.dot(to_centre) >= 0.0 {
+        if self.ns.is_some_and(|ns| ns.dot(to_centre) >= 0.0) {
             return true;
         }
         normal.is_some_and(|n| {
@@ -229,9 +234,9 @@ impl RectView {
         self.spherical.map(|s| 1.0 / s.solid_angle)
     }
 
-    /// A point of the rectangle, uniform in solid angle; `None` when points
-    /// are to be uniform in area.
-    pub(crate) fn sample(&self, rectangle: &Rectangle, u: Vec2) -> Option<AnalyticPoint> {
+    /// A point of the rectangle, uniform in solid angle, in coordinates of
+    /// \[-1, 1\]²; `None` when points are to be uniform in area.
+    pub(crate) fn sample(&self, u: Vec2) -> Option<[f64; 2]> {
         let s = self.spherical?;
         let (b0, b1) =
             (-s.y0 / (s.y0 * s.y0 + s.z0 * s.z0).sqrt(), s.y1 / (s.y1 * s.y1 + s.z0 * s.z0).sqrt());
@@ -249,8 +254,8 @@ impl RectView {
         let local =
             |value: f64, low: f64, high: f64| (2.0 * (value - low) / (high - low) - 1.0).clamp(-1.0, 1.0);
         if xu.is_nan() || yv.is_nan() {
-            return Some(rectangle.at(signed(u.x), signed(u.y)));
+            return Some([signed(u.x), signed(u.y)]);
         }
-        Some(rectangle.at(local(xu, s.x0, s.x1), local(yv, s.y0, s.y1)))
+        Some([local(xu, s.x0, s.x1), local(yv, s.y0, s.y1)])
     }
 }
