@@ -83,7 +83,8 @@ struct Query {
 pub struct LightTree {
     pub(super) nodes: Vec<Node>,
     pub(super) leaves: Vec<Leaf>,
-    /// For each light its first primitive and where its leaves begin in `leaf_of`.
+    /// For each light its first primitive, `PrimId::MAX` when it is not in the
+    /// tree, and where its leaves begin in `leaf_of`.
     pub(super) lights: Vec<(PrimId, u32)>,
     /// Leaf of each primitive; `u32::MAX` for those without power.
     pub(super) leaf_of: Vec<u32>,
@@ -125,12 +126,14 @@ impl LightTree {
     }
 
     /// The probability with which [`LightTree::sample`] chooses a primitive of
-    /// a light; `prim` does not matter for lights that have none.
+    /// a light; `prim` is 0 for lights that have none.
     #[must_use]
     pub fn pmf(&self, receiver: &Receiver, light: u32, prim: PrimId) -> f32 {
         let (first_prim, first) = self.lights[light as usize];
-        let offset = if first_prim == PrimId::MAX { 0 } else { prim - first_prim };
-        let leaf = self.leaf_of.get((first + offset) as usize).copied().unwrap_or(u32::MAX);
+        if first_prim == PrimId::MAX {
+            return 0.0;
+        }
+        let leaf = self.leaf_of.get((first + (prim - first_prim)) as usize).copied().unwrap_or(u32::MAX);
         let Some(leaf) = self.leaves.get(leaf as usize) else { return 0.0 };
         let query = self.query(receiver);
         let (mut node, mut pmf, mut trail) = (0, 1.0, leaf.trail);

@@ -302,6 +302,7 @@ impl Builder<'_> {
             lights.push(light);
         }
         let selection = LightSelection::new(&lights, &geometry, radius);
+        self.plan.light_candidates = selection.most_candidates();
         self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
         let traits =
             |m: &Arc<Material>| Traits { tangents: m.needs_tangents(), two_sided: m.needs_both_sides() };

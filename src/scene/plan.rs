@@ -28,6 +28,9 @@ pub struct Plan {
     pub light_kinds: Vec<&'static str>,
     /// Leaves, nodes and bytes of the light tree, if there is one.
     pub light_tree: Option<[usize; 3]>,
+    /// Lights, or parts of lights, that are sampled at a vertex at most; one of
+    /// them gets a shadow ray.
+    pub light_candidates: usize,
     /// There is an environment.
     pub environment: bool,
     /// All lights are deltas: scattered rays never find one.
@@ -101,7 +104,15 @@ impl Plan {
         );
         leave(
             self.lights > 0 && self.light_tree.is_none(),
-            "light tree: few emitters; they are chosen by power, whatever the receiver".into(),
+            format!(
+                "light tree: {} lights only; {}",
+                self.lights,
+                if self.light_candidates == self.lights {
+                    "each is a candidate at every vertex"
+                } else {
+                    "they are chosen by power, whatever the receiver"
+                }
+            ),
         );
         leave(self.lights == 0, "light sampling: there is no light to sample".into());
         leave(!self.smooth_surfaces, "shadow rays: every surface is a mirror or smooth glass".into());
@@ -140,6 +151,7 @@ impl Plan {
             "bsdfs": self.bsdfs,
             "lights": self.lights,
             "light_kinds": self.light_kinds,
+            "light_candidates": self.light_candidates,
             "light_tree": self.light_tree.map(|[leaves, nodes, bytes]| {
                 json!({"leaves": leaves, "nodes": nodes, "bytes": bytes})
             }),
@@ -171,7 +183,13 @@ impl fmt::Display for Plan {
             self.shapes, self.triangles, self.analytic
         )?;
         writeln!(f, "  materials   {} ({})", self.materials, join(&self.bsdfs))?;
-        writeln!(f, "  lights      {} ({})", self.lights, join(&self.light_kinds))?;
+        writeln!(
+            f,
+            "  lights      {} ({}); {} sampled a vertex, one shadow ray",
+            self.lights,
+            join(&self.light_kinds),
+            self.light_candidates
+        )?;
         if let Some([leaves, nodes, memory]) = self.light_tree {
             writeln!(f, "  light tree  {leaves} emitters in {nodes} nodes of eight, {}", bytes(memory))?;
         }

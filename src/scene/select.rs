@@ -191,7 +191,11 @@ impl LightSelection {
     /// Candidates of a vertex at most.
     #[must_use]
     pub fn most_candidates(&self) -> usize {
-        if self.tree.is_some() { DRAWS as usize } else { self.all.len().max(1) }
+        match (&self.tree, &self.table) {
+            (Some(_), _) => DRAWS as usize,
+            (None, Some(_)) => 1,
+            (None, None) => self.all.len(),
+        }
     }
 
     /// True when single primitives of area lights are chosen.
