@@ -156,6 +156,9 @@ pub struct Costs {
     pub leaf: usize,
     /// A leaf of at most this many is made without asking for its cost.
     pub small: usize,
+    /// Primitives from this id on are tested one by one: no leaf is made of
+    /// several when one is among them.
+    pub single_from: u32,
 }
 
 impl Costs {
@@ -163,6 +166,13 @@ impl Costs {
     #[inline(always)]
     fn blocks(&self, count: u32) -> f32 {
         ((count + (1 << self.block_log) - 1) >> self.block_log) as f32
+    }
+
+    /// Whether these items may be a leaf.
+    #[inline(always)]
+    fn fit(&self, items: &[Item]) -> bool {
+        items.len() <= self.leaf
+            && (items.len() == 1 || items.iter().all(|item| item.prim() < self.single_from))
     }
 }
 
@@ -235,19 +245,20 @@ fn all_bounds(items: &[Item]) -> (Box4, Box4) {
 /// `None` when they are better off as a leaf.
 fn split(part: &Part, items: &mut [Item], costs: Costs, bins: &mut Bins) -> Option<(usize, [Part; 2])> {
     let count = items.len();
-    if count <= costs.small {
+    let fit = costs.fit(items);
+    if fit && count <= costs.small {
         return None;
     }
     if part.depth < MEDIAN_DEPTH
         && let Some(binning) = Binning::new(part, count)
         && let Some(plane) = binning.best_plane(items, costs, bins)
     {
-        if count <= costs.leaf && plane.saving <= 0.0 {
+        if fit && plane.saving <= 0.0 {
             return None;
         }
         return Some(partition(part, items, &binning, &plane));
     }
-    if count <= costs.leaf { None } else { Some(halve(part, items)) }
+    if fit { None } else { Some(halve(part, items)) }
 }
 
 /// All centres coincide, or the tree is too deep: halves along the longest

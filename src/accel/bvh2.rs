@@ -47,7 +47,7 @@ const COUNT_SHIFT: u32 = 29;
 const INDEX_MASK: u32 = (1 << COUNT_SHIFT) - 1;
 
 /// A node against one primitive test.
-const COSTS: Costs = Costs { node: 1.0, block_log: 0, leaf: 4, small: 1 };
+const COSTS: Costs = Costs { node: 1.0, block_log: 0, leaf: 4, small: 1, single_from: u32::MAX };
 
 /// A primitive in a leaf. Analytic ones leave the vertices unused.
 #[derive(Clone, Copy, Debug)]

@@ -58,12 +58,13 @@ impl Quality {
     /// Leaves of two at high quality, so that the optimiser has something to
     /// move; the collapse joins them. Opening a binary node costs one box test
     /// in eight.
-    fn costs(self) -> Costs {
+    fn costs(self, geometry: &Geometry) -> Costs {
         let leaf = match self {
             Quality::Fast => LANES,
             Quality::High => LANES / 2,
         };
-        Costs { node: 0.3, block_log: LANES.ilog2(), leaf, small: leaf }
+        let single_from = geometry.triangle_count();
+        Costs { node: 0.3, block_log: LANES.ilog2(), leaf, small: leaf, single_from }
     }
 }
 
@@ -77,7 +78,7 @@ impl Bvh8 {
     pub fn new(geometry: &Geometry, quality: Quality) -> Result<Bvh8> {
         let mut items: Vec<Item> =
             (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
-        let tree = build(&mut items, quality.costs()).compact();
+        let tree = build(&mut items, quality.costs(geometry)).compact();
         let plain = || collapse(geometry, &items, &tree, PRICE);
         let wide = match quality {
             Quality::Fast => plain(),

@@ -6,7 +6,7 @@
 //! A(n) its area,
 //!
 //! D(n, i) = min over k of C(left, k) + C(right, i - k),
-//! C(n, 1) = min(A(n) · node + D(n, 8), A(n) · leaf if it fits into one),
+//! C(n, 1) = min(A(n) · node + D(n, 8), A(n) · leaf(n) if it fits into one),
 //! C(n, i) = min(C(n, i - 1), D(n, i)).
 
 use super::build::{Item, Tree, TreeNode};
@@ -28,7 +28,8 @@ const ROOM: usize = 96;
 /// Collapses a binary tree whose leaves are sorted items, and whose children
 /// come after their parents. `price` is the cost of a node in leaves.
 pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) -> Wide {
-    let source = Source { geometry, items, tree, plan: Plan::new(tree, price) };
+    let plan = Plan::new(tree, items, geometry.triangle_count(), price);
+    let source = Source { geometry, items, tree, plan };
     let mut wide = Wide { arena: Arena::with_room(ROOM * items.len()), root: None };
     wide.root = (!tree.nodes.is_empty()).then(|| {
         if source.plan.is_leaf(0) {
@@ -150,6 +151,37 @@ impl Wide {
     }
 }
 
+/// Primitives below a node.
+#[derive(Clone, Copy, Debug, Default)]
+struct Contents {
+    triangles: u32,
+    single: u32,
+}
+
+impl Contents {
+    fn of(items: &[Item], single_from: u32) -> Contents {
+        let single = items.iter().filter(|item| item.prim() >= single_from).count();
+        Contents { triangles: (items.len() - single) as u32, single: single as u32 }
+    }
+
+    fn join(self, other: Contents) -> Contents {
+        Contents {
+            triangles: self.triangles.saturating_add(other.triangles),
+            single: self.single.saturating_add(other.single),
+        }
+    }
+
+    fn count(self) -> usize {
+        self.triangles as usize + self.single as usize
+    }
+
+    /// Of a leaf, in tests of a block of triangles: a single primitive takes
+    /// about as long as such a block.
+    fn cost(self) -> f32 {
+        self.single as f32 + if self.triangles > 0 { 1.0 } else { 0.0 }
+    }
+}
+
 /// The costs C(n, 1) to C(n, 7) of every node, and which become leaves.
 struct Plan {
     costs: Vec<[f32; WIDTH - 1]>,
@@ -157,28 +189,33 @@ struct Plan {
 }
 
 impl Plan {
-    /// For a tree whose children come after their parents.
-    fn new(tree: &Tree, price: f32) -> Plan {
+    /// For a tree whose children come after their parents. `price` is the cost
+    /// of a node in blocks of triangles; primitives from `single_from` on are
+    /// tested one by one.
+    fn new(tree: &Tree, items: &[Item], single_from: u32, price: f32) -> Plan {
         let count = tree.nodes.len();
         let mut plan = Plan { costs: vec![[0.0; WIDTH - 1]; count], leaves: vec![false; count] };
         let size = tree.nodes.first().map_or(1.0, |root| root.bounds().extent().max_element());
         let scale = f32::from_bits((1.0 / size).to_bits() & 0x7f80_0000);
-        let mut prims = vec![0u32; count];
+        let mut contents = vec![Contents::default(); count];
         for (i, node) in tree.nodes.iter().enumerate().rev() {
             let d = (node.max - node.min) * scale;
             let area = d.x * d.y + d.y * d.z + d.z * d.x;
             if node.is_leaf() {
-                (plan.costs[i], plan.leaves[i], prims[i]) = ([area; WIDTH - 1], true, node.count);
+                let items = &items[node.first as usize..][..node.count as usize];
+                contents[i] = Contents::of(items, single_from);
+                (plan.costs[i], plan.leaves[i]) = ([area * contents[i].cost(); WIDTH - 1], true);
                 continue;
             }
             let pair = node.first as usize;
             if pair == 0 {
                 continue; // Slot 1 is unused.
             }
-            prims[i] = prims[pair].saturating_add(prims[pair + 1]);
+            contents[i] = contents[pair].join(contents[pair + 1]);
             let as_node = area * price + plan.least(pair, WIDTH).0;
-            plan.leaves[i] = prims[i] as usize <= LANES && area <= as_node;
-            let mut costs = [if plan.leaves[i] { area } else { as_node }; WIDTH - 1];
+            let as_leaf = area * contents[i].cost();
+            plan.leaves[i] = contents[i].count() <= LANES && as_leaf <= as_node;
+            let mut costs = [if plan.leaves[i] { as_leaf } else { as_node }; WIDTH - 1];
             for roots in 2..WIDTH {
                 costs[roots - 1] = costs[roots - 2].min(plan.least(pair, roots).0);
             }
