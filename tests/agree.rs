@@ -6,7 +6,7 @@
 
 mod common_shape;
 
-use common_shape::{Random, mesh_of, single_mesh, soup};
+use common_shape::{Random, displaced, mesh_of, single_mesh, soup};
 use etendue::accel::{Accel, Bvh2, Bvh8, Quality};
 use etendue::desc::Mesh;
 use etendue::math::{DMat4, DQuat, DVec3, Ray, Transform, Vec3};
@@ -281,6 +281,37 @@ fn trees_do_not_depend_on_the_number_of_threads() {
     assert_ne!(trees[0][1], trees[0][2], "the optimiser did nothing");
     assert_eq!(trees[0], trees[1]);
     assert_eq!(trees[0], trees[2]);
+}
+
+/// Meshes too large to try every ray by brute force: the binary tree speaks for
+/// it on most of them.
+#[test]
+fn large_meshes_agree() {
+    for (n, seed) in [(60, 18), (300, 19)] {
+        let geometry = single_mesh(&displaced(n));
+        let mut kinds = kinds(&geometry);
+        let mut random = Random::new(seed);
+        for ray in rays(&mut random, &geometry, 300) {
+            compare(&kinds, &geometry, &ray);
+        }
+        kinds.remove(0);
+        let rays = rays(&mut random, &geometry, 6000);
+        let hits = rays.iter().filter(|ray| compare(&kinds, &geometry, ray)).count();
+        assert!(hits > 1500, "{hits} hits");
+    }
+}
+
+/// Memory grows with the number of triangles and no faster.
+#[test]
+fn memory_per_triangle_is_constant() {
+    for (quality, most) in [(Quality::Fast, 64.0), (Quality::High, 70.0)] {
+        let bytes = [32, 128, 512].map(|n| {
+            let geometry = single_mesh(&displaced(n));
+            let accel: Accel = Bvh8::new(&geometry, quality).unwrap().into();
+            accel.memory_bytes() as f64 / f64::from(geometry.triangle_count())
+        });
+        assert!(bytes.iter().all(|b| *b < most && (b / bytes[0] - 1.0).abs() < 0.1), "{quality:?} {bytes:?}");
+    }
 }
 
 /// Centres that coincide and centres spaced by powers of two: depth is bounded

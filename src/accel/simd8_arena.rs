@@ -74,6 +74,7 @@ impl Arena {
     }
 
     /// Where a link leads, as an address to be fetched ahead.
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     pub fn address(&self, link: Link) -> *const Unit {
         self.units.as_ptr().wrapping_add(link.index())

@@ -107,3 +107,28 @@ pub fn sphere_mesh(rings: u32, segments: u32, radius: f32, centre: Vec3) -> Mesh
     }
     mesh
 }
+
+/// A square of 2·n² triangles with bumps at every scale.
+pub fn displaced(n: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for y in 0..=n {
+        for x in 0..=n {
+            let (u, v) = (x as f32 / n as f32 * 2.0 - 1.0, y as f32 / n as f32 * 2.0 - 1.0);
+            let (mut height, mut size, mut frequency) = (0.0, 0.2, 3.0);
+            for octave in 0..8 {
+                let shift = octave as f32 * 1.7;
+                let across = (v * frequency + shift).cos();
+                height += size * (u * frequency + shift + 0.5 * across).sin() * across;
+                (size, frequency) = (size * 0.5, frequency * 2.1);
+            }
+            mesh.positions.push(Vec3::new(u, v, height));
+        }
+    }
+    for y in 0..n {
+        for x in 0..n {
+            let i = y * (n + 1) + x;
+            mesh.triangles.extend([[i, i + 1, i + n + 2], [i, i + n + 2, i + n + 1]]);
+        }
+    }
+    mesh
+}
