@@ -163,6 +163,16 @@ impl Material {
         })
     }
 
+    /// True when a hit may have a choice between lobes.
+    #[must_use]
+    pub fn chooses(&self) -> bool {
+        self.any(|m| match m {
+            Material::Surface(s) => s.chooses(),
+            Material::Mask(..) | Material::Blend(..) => true,
+            Material::TwoSided(..) | Material::Perturbed(..) => false,
+        })
+    }
+
     /// True when every lobe is a delta: nothing to connect to a light.
     #[must_use]
     pub fn is_delta_only(&self) -> bool {

@@ -191,6 +191,14 @@ impl Surface {
         )
     }
 
+    /// True when its bsdf chooses between lobes: see [`Bsdf::chooses`].
+    pub fn chooses(&self) -> bool {
+        match self {
+            Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Plastic { .. } => true,
+            Surface::Diffuse { .. } | Surface::Conductor { .. } | Surface::Null => false,
+        }
+    }
+
     /// True for `null`.
     pub fn is_null(&self) -> bool {
         matches!(self, Surface::Null)

@@ -352,6 +352,8 @@ impl Builder<'_> {
         plan.environment = environment;
         plan.delta_lights_only = lights.iter().all(Light::is_delta);
         plan.alpha = self.materials.iter().any(|m| m.has_null());
+        plan.tangents = self.materials.iter().any(|m| m.needs_tangents());
+        plan.lobe_choice = self.materials.iter().any(|m| m.chooses());
         plan.smooth_surfaces = self.materials.iter().any(|m| !m.is_delta_only());
         plan.geometry_bytes = geometry.memory_bytes();
         plan.accel_bytes = accel.memory_bytes();

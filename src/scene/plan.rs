@@ -41,6 +41,10 @@ pub struct Plan {
     pub alpha: bool,
     /// Some surface can be connected to a light; otherwise shadow rays are left out.
     pub smooth_surfaces: bool,
+    /// Some material looks at the direction of the tangent.
+    pub tangents: bool,
+    /// Some material chooses between lobes.
+    pub lobe_choice: bool,
     /// Meshes whose texture coordinates are kept, and whose were dropped.
     pub uv_meshes: [usize; 2],
     /// Meshes whose vertex normals are kept, and those without.
@@ -69,7 +73,8 @@ impl Plan {
         } else {
             0
         };
-        (before, light + 3 + 1)
+        // A direction and the roulette; a lobe where there is a choice.
+        (before, light + 2 + 1 + u32::from(self.lobe_choice))
     }
 
     /// One line for the file header: what there is.
@@ -105,8 +110,8 @@ impl Plan {
         leave(
             self.lights > 0 && self.light_tree.is_none(),
             format!(
-                "light tree: {} lights only; {}",
-                self.lights,
+                "light tree: {} only; {}",
+                if self.lights == 1 { "1 light".to_owned() } else { format!("{} lights", self.lights) },
                 if self.light_candidates == self.lights {
                     "each is a candidate at every vertex"
                 } else {
@@ -114,6 +119,11 @@ impl Plan {
                 }
             ),
         );
+        leave(
+            !self.lobe_choice,
+            "lobe choice: every material has one lobe; 1 dimension a vertex saved".into(),
+        );
+        leave(!self.tangents, "tangents: no material is anisotropic or bumped".into());
         leave(self.lights == 0, "light sampling: there is no light to sample".into());
         leave(!self.smooth_surfaces, "shadow rays: every surface is a mirror or smooth glass".into());
         leave(
