@@ -28,6 +28,11 @@ pub struct Lobe<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Scatter<'a> {
     lobes: SmallVec<[Lobe<'a>; FEW]>,
+    /// What [`Scatter::has_smooth`], [`Scatter::chooses`] and
+    /// [`Scatter::spreads`] say, noted as lobes are added.
+    smooth: bool,
+    chooses: bool,
+    spreads: bool,
 }
 
 /// Lobes that need no memory from the heap.
@@ -103,11 +108,15 @@ impl<'a> Scatter<'a> {
     #[inline]
     pub fn clear(&mut self) {
         self.lobes.clear();
+        (self.smooth, self.chooses, self.spreads) = (false, false, false);
     }
 
     /// Adds a lobe.
     #[inline(always)]
     pub fn push(&mut self, lobe: Lobe<'a>) {
+        self.smooth |= !lobe.bsdf.is_delta_only();
+        self.chooses |= !self.lobes.is_empty() || lobe.bsdf.chooses();
+        self.spreads |= lobe.bsdf.spreads();
         self.lobes.push(lobe);
     }
 
@@ -120,24 +129,21 @@ impl<'a> Scatter<'a> {
     /// True when some lobe is not a delta: a light can be connected to.
     #[must_use]
     pub fn has_smooth(&self) -> bool {
-        self.lobes.iter().any(|l| !l.bsdf.is_delta_only())
+        self.smooth
     }
 
     /// True when [`Scatter::sample`] reads its `u_lobe`.
     #[must_use]
     #[inline]
     pub fn chooses(&self) -> bool {
-        match self.lobes.as_slice() {
-            [lobe] => lobe.bsdf.chooses(),
-            _ => true,
-        }
+        self.chooses
     }
 
     /// True when [`Scatter::sample`] reads its `u`.
     #[must_use]
     #[inline]
     pub fn spreads(&self) -> bool {
-        self.lobes.iter().any(|l| l.bsdf.spreads())
+        self.spreads
     }
 
     /// f·|cos θi| and the pdf per solid angle of `wi`, non-delta lobes only.
