@@ -100,6 +100,20 @@ fn run_in(folder: &Path, args: &[&str]) -> Output {
 }
 
 #[test]
+fn accelerators_and_qualities_that_do_not_go_together() {
+    for (args, expected) in [
+        (["--accel", "bvh2", "--bvh", "fast"], "the accelerator `bvh2` has no choice of quality"),
+        (["--accel", "bvh8", "--bvh", "hihg"], "unknown quality `hihg` of a BVH; did you mean `high`?"),
+    ] {
+        let (output, _folder) =
+            etendue(FLOOR, &[&["render", "scene.xml", "-o", "a.exr"], &args[..]].concat());
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(text.contains(expected), "{text}");
+    }
+}
+
+#[test]
 fn render_writes_what_was_asked_for() {
     let (output, folder) = etendue(
         FLOOR,

@@ -273,8 +273,12 @@ impl Builder<'_> {
 
     fn finish(mut self, camera: Camera, film: FilmSpec, spp: u64, options: &BuildOptions) -> Result<Scene> {
         let geometry = std::mem::take(&mut self.geometry).finish();
-        let accel =
-            Accel::build(options.accel.as_deref(), Quality::named(options.bvh.as_deref())?, &geometry)?;
+        let (name, quality) = (options.accel.as_deref(), options.bvh.as_deref());
+        if let (Some(other), Some(_)) = (name.filter(|n| *n != "bvh8"), quality) {
+            return Err(Error::new(format!("the accelerator `{other}` has no choice of quality"))
+                .hint("--bvh goes with `bvh8`"));
+        }
+        let accel = Accel::build(name, Quality::named(quality)?, &geometry)?;
         let mut light_of_shape = vec![NO_LIGHT; geometry.shapes().len()];
         // An environment alone has no size to go by.
         let radius = Some(f64::from(accel.bounds().bounding_sphere().1)).filter(|r| *r > 0.0).unwrap_or(1.0);
