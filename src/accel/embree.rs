@@ -41,7 +41,7 @@
 //!
 //! # The bindings
 //!
-//! Of the crates on crates.io, `embree` 0.3.8 (embree-rs, last changed in
+//! Of the published crates, `embree` 0.3.8 (embree-rs, last changed in
 //! 2023) wraps neither scene flags nor build quality nor user geometry, so that
 //! all of this would be raw calls; `embree4-sys` is raw altogether and needs
 //! libclang to build; `embree3` 0.4.1 is embree-rs carried on: the same authors
