@@ -7,6 +7,7 @@
 
 mod flip;
 pub mod metrics;
+pub mod model;
 mod statistics;
 pub mod tracing;
 mod ztest;
