@@ -10,6 +10,8 @@
 mod render;
 
 use etendue::accel::Accel;
+use etendue::render::RenderOptions;
+use etendue::sampling::Sequence;
 use render::{Ready, mean};
 
 const SEEDS: u64 = 8;
@@ -311,6 +313,37 @@ fn strategies_agree() {
         (m, (v / SEEDS as f64).sqrt())
     };
     let all = [estimate(1, 0), estimate(0, 1), estimate(1, 1), estimate(3, 2)];
+    for (a, se_a) in all {
+        for (b, se_b) in all {
+            let se = se_a.hypot(se_b);
+            assert!(se < 3e-3 * a, "inconclusive: {all:?}");
+            assert!((a - b).abs() <= 4.0 * se, "{all:?}");
+        }
+    }
+}
+
+/// The sphere light and the sky of [`strategies_agree`], with every sampler.
+#[test]
+fn samplers_agree() {
+    let xml = format!(
+        r#"<scene version="3.0.0">{}<integrator type="path"/>{FLOOR}
+        <shape type="sphere"><point name="center" value="-0.6,0.6,0.2"/><float name="radius" value="0.3"/>{}</shape>
+        <emitter type="constant"><rgb name="radiance" value="0.7"/></emitter></scene>"#,
+        sensor(ABOVE),
+        grey(4.0)
+    );
+    let ready = Ready::from_xml(&xml, None, None);
+    let all = Sequence::ALL.map(|sequence| {
+        let means: Vec<f64> = (0..SEEDS)
+            .map(|seed| {
+                let options = RenderOptions { sequence, ..render::options(8192, seed) };
+                mean(&ready.render(&options).film.resolve())
+            })
+            .collect();
+        let m = means.iter().sum::<f64>() / SEEDS as f64;
+        let v = means.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
+        (m, (v / SEEDS as f64).sqrt())
+    });
     for (a, se_a) in all {
         for (b, se_b) in all {
             let se = se_a.hypot(se_b);

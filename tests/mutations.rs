@@ -18,7 +18,7 @@ use etendue::integrator::{CameraSample, Integrator};
 use etendue::light::{Receiver, Target};
 use etendue::material::Scatter;
 use etendue::math::Rgb;
-use etendue::sampling::power_heuristic;
+use etendue::sampling::{Sampler, power_heuristic};
 use etendue::scene::Scene;
 use etendue::study::Verdict;
 use reference::{Ours, Reference};
@@ -116,7 +116,8 @@ fn picture(ready: &Ready, samples: u64, seed: u64, bug: Bug) -> Vec<f32> {
         let mut tile = film.tile(rect);
         for pixel in rect.pixels() {
             for index in 0..samples {
-                let (camera, offset) = CameraSample::new(&ready.scene, seed, pixel, index);
+                let (camera, offset) =
+                    CameraSample::new(&ready.scene, pixel, Sampler::new(seed, pixel, index));
                 let sample = trace(&ready.scene, &camera, path.max_depth.min(40), bug);
                 tile.add(pixel, offset, index, &sample);
             }

@@ -1,7 +1,7 @@
 //! The sequences: stratification, convergence, independence.
 
 use etendue::math::Vec2;
-use etendue::sampling::Sampler;
+use etendue::sampling::{Sampler, Sequence};
 
 /// Every elementary interval of 2^-(m-t) holds exactly 2^t of the points.
 fn assert_net<const D: usize>(points: &[[f32; D]], t: u32, what: &str) {
@@ -100,27 +100,60 @@ fn smooth_integrands_converge_faster_than_independent_samples() {
     assert!(order > 0.9, "4D error falls as N^-{order}");
 }
 
+/// Single samples over many seeds: independent, so the mean is within 5 σ.
+fn assert_uniform_over_seeds(sequence: Sequence, index: u64) {
+    let n = 20_000;
+    let mut sum = [0.0; 5];
+    let mut square = [0.0; 5];
+    for seed in 0..n {
+        let s = Sampler::new(seed, (2, 2), index).with_sequence(sequence);
+        let ((p, l), q) = (s.pixel_and_light(), s.get_2d(12));
+        for (k, v) in [p.x, p.y, l.x, q.y, s.get_1d(12)].into_iter().enumerate() {
+            assert!((0.0..1.0).contains(&v));
+            sum[k] += f64::from(v);
+            square[k] += f64::from(v * v);
+        }
+    }
+    let sigma = (1.0 / 12.0 / n as f64).sqrt();
+    for k in 0..5 {
+        assert!((sum[k] / n as f64 - 0.5).abs() < 5.0 * sigma, "{sequence:?}, index {index}, number {k}");
+        assert!((square[k] / n as f64 - 1.0 / 3.0).abs() < 5.0 * sigma);
+    }
+}
+
 #[test]
 fn estimates_are_unbiased_over_seeds() {
-    // Single samples over many seeds: independent, so the mean is within 5 σ.
-    for index in [0, 1, 5, 1000, (1 << 40) + 3] {
-        let n = 20_000;
-        let mut sum = [0.0; 5];
-        let mut square = [0.0; 5];
-        for seed in 0..n {
-            let s = Sampler::new(seed, (2, 2), index);
-            let ((p, l), q) = (s.pixel_and_light(), s.get_2d(12));
-            for (k, v) in [p.x, p.y, l.x, l.y, q.y].into_iter().enumerate() {
-                assert!((0.0..1.0).contains(&v));
-                sum[k] += f64::from(v);
-                square[k] += f64::from(v * v);
-            }
+    for sequence in Sequence::ALL {
+        for index in [0, 1, 5, 1000, (1 << 40) + 3] {
+            assert_uniform_over_seeds(sequence, index);
         }
-        let sigma = (1.0 / 12.0 / n as f64).sqrt();
-        for k in 0..5 {
-            assert!((sum[k] / n as f64 - 0.5).abs() < 5.0 * sigma, "index {index}, number {k}");
-            assert!((square[k] / n as f64 - 1.0 / 3.0).abs() < 5.0 * sigma);
-        }
+    }
+}
+
+/// What each sequence is for: its error on a product of smooth functions of
+/// two sets falls at its own rate.
+#[test]
+fn sequences_differ_as_they_should() {
+    let mean = (2f64.exp() - 1.0) / 2.0 * (1.5f64.sin() / 1.5);
+    let order = |sequence: Sequence, expected: f64, f: &dyn Fn(&Sampler) -> f64| {
+        let f = |s: &Sampler| f(&s.with_sequence(sequence));
+        (rms_error(64, expected, &f) / rms_error(1024, expected, &f)).log2() / 4.0
+    };
+    let single = |s: &Sampler| bump(s.get_2d(4));
+    let joint = |s: &Sampler| {
+        let (p, l) = s.pixel_and_light();
+        bump(p) * bump(l)
+    };
+    for (sequence, alone, together) in [
+        (Sequence::Sobol, 1.3..2.0, 0.9..2.0),
+        (Sequence::Padded, 1.3..2.0, 0.4..0.7),
+        (Sequence::Lattice, 0.7..1.3, 0.4..0.7),
+        (Sequence::Independent, 0.4..0.6, 0.4..0.6),
+    ] {
+        let (a, b) = (order(sequence, mean, &single), order(sequence, mean * mean, &joint));
+        assert!(alone.contains(&a), "{sequence:?}: N^-{a} on one set");
+        assert!(together.contains(&b), "{sequence:?}: N^-{b} on pixel and light");
+        assert_eq!(Sequence::named(sequence.name()), Some(sequence));
     }
 }
 
@@ -170,6 +203,11 @@ fn numbers_never_reach_one_and_are_replayed() {
         let s = Sampler::new(77, (i as i32 % 13, -5), i.wrapping_mul(0x1_0000_0fab));
         let v = s.get_2d(i as u32);
         largest = largest.max(v.x.max(v.y)).max(s.get_1d(i as u32));
+        for sequence in Sequence::ALL {
+            let s = s.with_sequence(sequence);
+            let (p, l) = s.pixel_and_light();
+            assert!(p.max(l).max_element() < 1.0 && s.get_1d(i as u32) < 1.0);
+        }
         assert_eq!(v, Sampler::new(77, (i as i32 % 13, -5), i.wrapping_mul(0x1_0000_0fab)).get_2d(i as u32));
     }
     assert!(largest < 1.0 && largest > 0.999);

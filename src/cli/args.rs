@@ -6,6 +6,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::film::LayerSet;
 use crate::integrator::IntegratorOptions;
+use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
 
 /// A path tracer that knows how wrong its picture is.
@@ -90,6 +91,10 @@ pub struct RenderArgs {
     /// Seed of all random numbers.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
+    /// How the samples of a pixel are spread: sobol, padded (without the joint 4D set), lattice or
+    /// independent.
+    #[arg(long, value_name = "NAME", default_value = "sobol", value_parser = parse_sequence)]
+    pub sampler: Sequence,
     /// Threads; 0 is one per core.
     #[arg(long, value_name = "T", default_value_t = 0)]
     pub threads: usize,
@@ -259,6 +264,9 @@ pub struct ReplayArgs {
     /// Seed of the render.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
+    /// Sampler of the render.
+    #[arg(long, value_name = "NAME", default_value = "sobol", value_parser = parse_sequence)]
+    pub sampler: Sequence,
 }
 
 fn parse_define(text: &str) -> Result<(String, String), String> {
@@ -297,6 +305,11 @@ fn parse_growth(text: &str) -> Result<(u32, u32), String> {
         Some((from, to)) if 4 <= from && from <= to && to <= 30 => Ok((from, to)),
         _ => Err("expected A..B from 4 to 30, for example 10..22".to_owned()),
     }
+}
+
+fn parse_sequence(text: &str) -> Result<Sequence, String> {
+    let names = || Sequence::ALL.map(Sequence::name).join(", ");
+    Sequence::named(text).ok_or_else(|| format!("there are {}", names()))
 }
 
 fn parse_count(text: &str) -> Result<usize, String> {

@@ -11,6 +11,7 @@ use crate::desc::{Error, Result};
 use crate::film::Picture;
 use crate::integrator::Integrator;
 use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
+use crate::sampling::Sequence;
 use crate::save::{self, Header, Options, Tone};
 use crate::scene::Scene;
 
@@ -36,6 +37,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         time: args.time.map(Duration::from_secs_f64),
         error: args.error,
         seed: args.seed,
+        sequence: args.sampler,
         threads: args.threads,
         layers: args.layers(),
         order: TileOrder::CentreOut,
@@ -46,7 +48,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let progress = Progress::new(args.quiet, options.time, open_ended);
     let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
     progress.finish();
-    let header = header(&scene, &integrator, &stats, args.seed, hash);
+    let header = header(&scene, &integrator, &stats, &options, hash);
     let picture = film.resolve();
     output.write(args, &picture, &header, args.half || scene.film.half)?;
     if let Some(path) = &args.stats {
@@ -124,18 +126,26 @@ fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, ope
     let until = if open_ended { String::new() } else { format!(", {} spp", options.samples_per_pixel) };
     eprintln!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
     eprintln!(
-        "sampler: Owen-scrambled Sobol (the file says `{}`; its sample count is used)",
+        "sampler: {} (the file says `{}`; its sample count is used)",
+        options.sequence.name(),
         scene.plan.file_sampler
     );
 }
 
-fn header(scene: &Scene, integrator: &Integrator, stats: &RenderStats, seed: u64, hash: u64) -> Header {
+fn header(
+    scene: &Scene,
+    integrator: &Integrator,
+    stats: &RenderStats,
+    options: &RenderOptions,
+    hash: u64,
+) -> Header {
     let text = |name: &str, value: String| (format!("etendue/{name}"), value);
     Header {
         attributes: vec![
             text("version", env!("CARGO_PKG_VERSION").to_owned()),
             text("sceneHash", format!("{hash:016x}")),
-            text("seed", seed.to_string()),
+            text("seed", options.seed.to_string()),
+            text("sampler", options.sequence.name().to_owned()),
             text("samples", stats.samples_per_pixel.to_string()),
             text("stopped", stats.stopped.reason().to_owned()),
             text("integrator", integrator.name().to_owned()),
@@ -172,11 +182,16 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     eprintln!("warning: samples left out: {}", stats.bad.summary());
+    let sampler = match args.sampler {
+        Sequence::Sobol => String::new(),
+        other => format!(" --sampler {}", other.name()),
+    };
     for (x, y, index) in &stats.bad.located {
         eprintln!(
-            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}",
+            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{}",
             args.scene.scene.display(),
-            args.seed
+            args.seed,
+            sampler
         );
     }
     if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }

@@ -130,11 +130,10 @@ mod dimension {
 }
 
 impl CameraSample {
-    /// The camera ray of a (seed, pixel, sample) triple and its place in the
-    /// pixel, [0,1)².
+    /// The camera ray of a sample of `pixel` whose random numbers are
+    /// `sampler`'s, and its place in the pixel, [0,1)².
     #[must_use]
-    pub fn new(scene: &Scene, seed: u64, pixel: (i32, i32), index: u64) -> (CameraSample, Vec2) {
-        let sampler = Sampler::new(seed, pixel, index);
+    pub fn new(scene: &Scene, pixel: (i32, i32), sampler: Sampler) -> (CameraSample, Vec2) {
         let (offset, first_light) = sampler.pixel_and_light();
         let lens = if scene.plan.lens { sampler.get_2d(dimension::LENS) } else { Vec2::splat(0.5) };
         let film = Vec2::new(pixel.0 as f32 + offset.x, pixel.1 as f32 + offset.y);

@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use crate::desc::{Error, Result};
 use crate::film::{Film, LayerSet, Rect, Tile};
 use crate::integrator::{CameraSample, Counters, Integrator, NoRecord};
+use crate::sampling::{Sampler, Sequence};
 use crate::scene::Scene;
 
 /// What to render and when to stop; it stops at the first limit reached.
@@ -38,6 +39,8 @@ pub struct RenderOptions {
     pub error: Option<f64>,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// How the samples of a pixel are spread.
+    pub sequence: Sequence,
     /// Threads; 0 is one per core.
     pub threads: usize,
     /// Layers beside colour.
@@ -252,7 +255,9 @@ impl<'a> Job<'a> {
         let layers = self.options.layers.needs_first_hit();
         for pixel in rect.pixels() {
             for index in samples.clone() {
-                let (mut camera, offset) = CameraSample::new(self.scene, self.options.seed, pixel, index);
+                let sampler =
+                    Sampler::new(self.options.seed, pixel, index).with_sequence(self.options.sequence);
+                let (mut camera, offset) = CameraSample::new(self.scene, pixel, sampler);
                 camera.layers = layers;
                 let sample = self.integrator.sample(self.scene, &camera, &mut record);
                 if bad.check(&sample, pixel, index) {

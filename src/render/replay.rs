@@ -3,6 +3,7 @@
 use crate::film::PixelSample;
 use crate::integrator::{CameraSample, Counters, Event, Integrator};
 use crate::math::{Ray, Vec2};
+use crate::sampling::Sampler;
 use crate::scene::Scene;
 
 /// A path and what it gave.
@@ -18,10 +19,11 @@ pub struct Replay {
     pub sample: PixelSample,
 }
 
-/// The path of a sample of a pixel, exactly as it was rendered.
+/// The path of the sample of a pixel with these random numbers, exactly as it
+/// was rendered.
 #[must_use]
-pub fn replay(scene: &Scene, integrator: &Integrator, seed: u64, pixel: (i32, i32), index: u64) -> Replay {
-    let (camera, offset) = CameraSample::new(scene, seed, pixel, index);
+pub fn replay(scene: &Scene, integrator: &Integrator, pixel: (i32, i32), sampler: Sampler) -> Replay {
+    let (camera, offset) = CameraSample::new(scene, pixel, sampler);
     let mut record = (Counters::default(), Vec::new());
     let sample = integrator.sample(scene, &camera, &mut record);
     Replay { ray: camera.ray, offset, events: record.1, sample }

@@ -16,9 +16,54 @@
 //! into the seed, so that each block of 2^32 samples is randomised anew. The
 //! mean stays right; the convergence beyond 2^32 samples of one pixel falls
 //! back to that of independent sets, at an error far below that of f32.
+//!
+//! That is [`Sequence::Sobol`]; the other sequences are there to be compared
+//! with it. They share its interface, its dimensions and its randomisation by
+//! (seed, pixel).
 
 use super::sobol::{owen_reversed, sobol_01, sobol_23, unit_float_reversed, unit_floats_reversed};
 use crate::math::Vec2;
+
+/// How the samples of a pixel are spread.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Sequence {
+    /// Owen-scrambled Sobol' points; pixel and first light sample jointly in 4D.
+    #[default]
+    Sobol,
+    /// The same, but pixel and first light sample padded in 2D like all else:
+    /// what Cycles and pbrt do.
+    Padded,
+    /// Additive recurrences (in 1D by the golden ratio, in 2D by the powers of
+    /// the plastic number: Roberts 2018, "The unreasonable effectiveness of
+    /// quasirandom sequences"), shuffled per dimension and shifted modulo 1
+    /// (Cranley and Patterson 1976).
+    Lattice,
+    /// Independent random numbers: no stratification at all.
+    Independent,
+}
+
+impl Sequence {
+    /// All, the default first.
+    pub const ALL: [Sequence; 4] =
+        [Sequence::Sobol, Sequence::Padded, Sequence::Lattice, Sequence::Independent];
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Sequence::Sobol => "sobol",
+            Sequence::Padded => "padded",
+            Sequence::Lattice => "lattice",
+            Sequence::Independent => "independent",
+        }
+    }
+
+    /// The sequence of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Sequence> {
+        Sequence::ALL.into_iter().find(|s| s.name() == name)
+    }
+}
 
 /// The uniform numbers of one sample of one pixel. Copy, without state: asking
 /// twice gives the same number twice.
@@ -28,7 +73,12 @@ pub struct Sampler {
     index: u32,
     /// The index with its bits in reverse order: what is shuffled.
     reversed: u32,
+    sequence: Sequence,
 }
+
+/// Steps of the lattices as fractions of 2^32: 1/φ; 1/p and 1/p² with p³ = p + 1.
+const GOLDEN: u32 = 0x9e37_79b9;
+const PLASTIC: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da6];
 
 /// Which kind of number a hash is for, so that `get_1d(d)`, `get_2d(d)` and
 /// the joint set never share their randomisation.
@@ -46,13 +96,23 @@ impl Sampler {
         let place = (u64::from(pixel.0.cast_unsigned()) << 32) | u64::from(pixel.1.cast_unsigned());
         let key = mix(mix(mix(seed ^ 0x6a09_e667_f3bc_c908) ^ place).wrapping_add(index >> 32));
         let index = index as u32;
-        Sampler { key, index, reversed: index.reverse_bits() }
+        Sampler { key, index, reversed: index.reverse_bits(), sequence: Sequence::Sobol }
+    }
+
+    /// The same numbers' place in another sequence.
+    #[must_use]
+    pub fn with_sequence(self, sequence: Sequence) -> Sampler {
+        Sampler { sequence, ..self }
     }
 
     /// The joint 4D set: place in the pixel and the first light sample, both
     /// in [0, 1)².
     #[must_use]
     pub fn pixel_and_light(&self) -> (Vec2, Vec2) {
+        if self.sequence != Sequence::Sobol {
+            // Dimensions that nothing else has.
+            return (self.get_2d(u32::MAX), self.get_2d(u32::MAX - 1));
+        }
         let a = mix(self.key ^ Use::Joint as u64);
         let b = mix(a.wrapping_add(0xd1b5_4a32_d192_ed03));
         (scrambled_2d(sobol_01(self.index), a), scrambled_2d(sobol_23(self.index), b))
@@ -63,7 +123,13 @@ impl Sampler {
     #[must_use]
     pub fn get_1d(&self, dimension: u32) -> f32 {
         let (a, b) = self.seeds(Use::OneD, dimension);
+        if self.sequence == Sequence::Independent {
+            return unit_float((self.independent(a) >> 32) as u32);
+        }
         let index = owen_reversed(self.reversed, b).reverse_bits();
+        if self.sequence == Sequence::Lattice {
+            return unit_float(index.wrapping_mul(GOLDEN).wrapping_add(a as u32));
+        }
         unit_float_reversed(owen_reversed(index, a as u32))
     }
 
@@ -72,8 +138,22 @@ impl Sampler {
     #[must_use]
     pub fn get_2d(&self, dimension: u32) -> Vec2 {
         let (a, b) = self.seeds(Use::TwoD, dimension);
+        if self.sequence == Sequence::Independent {
+            let bits = self.independent(a);
+            return Vec2::new(unit_float((bits >> 32) as u32), unit_float(bits as u32));
+        }
         let index = owen_reversed(self.reversed, b).reverse_bits();
+        if self.sequence == Sequence::Lattice {
+            let [x, y] = PLASTIC.map(|step| index.wrapping_mul(step));
+            let shifted = [x.wrapping_add(a as u32), y.wrapping_add((a >> 32) as u32)];
+            return Vec2::from_array(shifted.map(unit_float));
+        }
         scrambled_2d(sobol_01(index), a)
+    }
+
+    /// 64 bits that depend on the index in no ordered way.
+    fn independent(&self, seed: u64) -> u64 {
+        mix(seed ^ mix(u64::from(self.index)))
     }
 
     /// 96 hashed bits for one use of one dimension: for two values, and for
@@ -104,6 +184,11 @@ fn scrambled_2d([x, y]: [u32; 2], seed: u64) -> Vec2 {
     let y = owen_reversed(y, (seed >> 32) as u32);
     let [x, y] = unit_floats_reversed(x, y);
     Vec2::new(x, y)
+}
+
+/// The upper 24 bits as a number in [0, 1).
+fn unit_float(bits: u32) -> f32 {
+    (bits >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
 /// A bijective 64-bit hash: the output function of SplitMix64 (Steele et al.

@@ -7,6 +7,7 @@ use etendue::film::{LayerSet, Picture};
 use etendue::integrator::{Integrator, IntegratorOptions};
 use etendue::load::{LoadOptions, load, load_str};
 use etendue::render::{Quiet, RenderOptions, Rendered, TileOrder, render};
+use etendue::sampling::Sequence;
 use etendue::scene::{BuildOptions, Scene};
 
 /// A path of the package.
@@ -22,6 +23,7 @@ pub fn options(samples_per_pixel: u64, seed: u64) -> RenderOptions {
         time: None,
         error: None,
         seed,
+        sequence: Sequence::Sobol,
         threads: 0,
         layers: LayerSet { alpha: true, error: true, ..LayerSet::default() },
         order: TileOrder::CentreOut,
