@@ -1,46 +1,13 @@
 //! `etendue compare`.
 
-use std::path::Path;
 use std::process::ExitCode;
 
 use serde_json::json;
 
 use super::args::CompareArgs;
-use crate::desc::{Error, Result};
-use crate::load::{Picture, read_picture};
-use crate::study::{Metrics, Pair, RgbView, Verdict, ZOptions, ZReport, metrics, z_test};
-
-/// Interleaved RGB of a picture.
-struct Image {
-    width: usize,
-    height: usize,
-    rgb: Vec<f32>,
-}
-
-impl Image {
-    /// The colour of a picture, or its layer of that name (`error`).
-    fn of(picture: &Picture, layer: Option<&str>) -> Option<Image> {
-        let name = |c: &str| layer.map_or_else(|| c.to_owned(), |l| format!("{l}.{c}"));
-        let channels: Option<Vec<&[f32]>> =
-            ["R", "G", "B"].iter().map(|c| picture.channel(&name(c))).collect();
-        let grey = || if layer.is_none() { picture.channel("Y").map(|y| vec![y; 3]) } else { None };
-        let channels = channels.or_else(grey)?;
-        let rgb = (0..channels[0].len()).flat_map(|i| channels.iter().map(move |c| c[i])).collect();
-        Some(Image { width: picture.width as usize, height: picture.height as usize, rgb })
-    }
-
-    fn read(path: &Path) -> Result<(Picture, Image)> {
-        let picture = read_picture(path)?;
-        let image = Image::of(&picture, None).ok_or_else(|| {
-            Error::new(format!("`{}` has no channels R, G, B", path.display())).hint("nor Y")
-        })?;
-        Ok((picture, image))
-    }
-
-    fn view(&self) -> Result<RgbView<'_>> {
-        RgbView::new(self.width, self.height, &self.rgb)
-    }
-}
+use crate::desc::Result;
+use crate::load::Picture;
+use crate::study::{Image, Metrics, Pair, Verdict, ZOptions, ZReport, metrics, z_test};
 
 /// Compares two images; fails when a z-test does.
 pub fn run(args: &CompareArgs) -> Result<ExitCode> {

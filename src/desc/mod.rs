@@ -219,7 +219,7 @@ impl SceneDesc {
     #[must_use]
     pub fn content_hash(&self) -> u64 {
         use std::fmt::Write;
-        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        let mut hash = Fnv::default();
         for object in &self.objects {
             // Writing to the hash cannot fail.
             let _ = write!(hash, "{}/{}/{}", object.category.tag(), object.plugin, object.params.len());
@@ -243,14 +243,30 @@ impl SceneDesc {
                 Pixels::F32(p) => p.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes())),
             }
         }
-        hash.0
+        hash.value()
     }
 }
 
-struct Fnv(u64);
+/// The hash FNV-1a over 64 bits: the same on every machine and for every
+/// version of the compiler. Text is written to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Fnv(u64);
+
+impl Default for Fnv {
+    fn default() -> Fnv {
+        Fnv(0xcbf2_9ce4_8422_2325)
+    }
+}
 
 impl Fnv {
-    fn bytes(&mut self, bytes: &[u8]) {
+    /// The hash of what it has seen.
+    #[must_use]
+    pub fn value(self) -> u64 {
+        self.0
+    }
+
+    /// Takes in more.
+    pub fn bytes(&mut self, bytes: &[u8]) {
         for byte in bytes {
             self.0 = (self.0 ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
         }

@@ -396,7 +396,7 @@ pub struct Exhibit {
 }
 
 /// A float that JSON cannot hold is `null`.
-mod nullable {
+pub(super) mod nullable {
     use serde::{Deserialize, Deserializer, Serializer};
 
     #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde's signature")]
