@@ -87,7 +87,7 @@ pub fn run(args: &AccelArgs) -> Result<ExitCode> {
         // What there is so far survives whatever comes next.
         write(args, &report)?;
     }
-    print!("{report}");
+    out!("{report}");
     Ok(if report.is_wrong() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
 }
 

@@ -1,13 +1,16 @@
 //! The arguments of every command.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::desc::Error;
 use crate::film::LayerSet;
 use crate::integrator::IntegratorOptions;
 use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
+use crate::study::Region;
 
 /// A path tracer that knows how wrong its picture is.
 #[derive(Debug, Parser)]
@@ -25,6 +28,8 @@ pub enum Command {
     Explain(ExplainArgs),
     /// Measure the difference of two images, and whether it is noise.
     Compare(CompareArgs),
+    /// Report error against run time: configurations, budgets and independent runs, with intervals.
+    Study(StudyArgs),
     /// Build accelerators and, with --bench, race them on the same rays.
     Accel(AccelArgs),
     /// Print one path of a render, vertex by vertex.
@@ -190,6 +195,111 @@ pub struct CompareArgs {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Arguments of `study`. The report is OUT/index.html, with study.json,
+/// study.csv and plots beside it. A study that was stopped or killed goes on
+/// where it was when the same command is given again.
+#[derive(Clone, Debug, Args)]
+pub struct StudyArgs {
+    /// A plan (PLAN.toml), or a scene (Mitsuba 3 XML) with the options below.
+    #[arg(value_name = "PLAN.toml|SCENE")]
+    pub subject: PathBuf,
+    /// Folder of the report; holds the runs too.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// What error is measured against; without it, the spread over the runs.
+    #[arg(long = "ref", value_name = "REF.exr")]
+    pub reference: Option<PathBuf>,
+    /// Variance of the reference's pixel means; its own error layer is used when it has one.
+    #[arg(long, value_name = "V.exr")]
+    pub ref_variance: Option<PathBuf>,
+    /// Try these values: KEY=A,B of integrator, sampler, accel, bvh, max-depth, or a `$name` of the scene
+    /// file. Every combination is a configuration. Repeatable.
+    #[arg(long, value_name = "KEY=A,B", value_parser = parse_define)]
+    pub vary: Vec<(String, String)>,
+    /// Ladder of samples per pixel: A..B (doubling) or a list A,B,C. [default: 1..256]
+    #[arg(long, value_name = "A..B", conflicts_with = "budget")]
+    pub spp: Option<String>,
+    /// Ladder of seconds of rendering instead: this and its halves, seven rungs.
+    #[arg(long, value_name = "60s")]
+    pub budget: Option<String>,
+    /// Independent runs of every rung. [default: 8]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeats: Option<u32>,
+    /// The configuration that others are compared with, by its name. [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub baseline: Option<String>,
+    /// Pictures and times of another renderer: a folder with EXR files and a CSV file with the columns
+    /// file, seconds, spp. Repeatable.
+    #[arg(long, value_name = "NAME=FOLDER", value_parser = parse_define)]
+    pub series: Vec<(String, String)>,
+    /// Measure a region too: X,Y,W,H or a picture, bright inside. Repeatable.
+    #[arg(long = "region", value_name = "NAME=X,Y,W,H|MASK", value_parser = parse_define)]
+    pub region: Vec<(String, String)>,
+    /// Measure layers too: albedo, N, P; the reference must have them.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub layers: Vec<String>,
+    /// Give a scene parameter (`$name` in the file) a value.
+    #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_define)]
+    pub defines: Vec<(String, String)>,
+    /// Film size instead of the file's.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub size: Option<[u32; 2]>,
+    /// Render only this part of the film; in pixels.
+    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
+    pub crop: Option<[u32; 4]>,
+    /// Title of the report.
+    #[arg(long)]
+    pub title: Option<String>,
+    /// Seed of the seeds. [default: 0]
+    #[arg(long, value_name = "S")]
+    pub seed: Option<u64>,
+    /// Threads; 0 is one per core. [default: 0]
+    #[arg(long, value_name = "T")]
+    pub threads: Option<usize>,
+    /// Run nothing: write the report of what is in the folder.
+    #[arg(long)]
+    pub report_only: bool,
+    /// Print the study as JSON instead of the summary.
+    #[arg(long)]
+    pub json: bool,
+    /// Say nothing but errors.
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+impl StudyArgs {
+    /// An option given that a plan file says for itself.
+    pub fn scene_option(&self) -> Option<&'static str> {
+        [
+            ("--ref", self.reference.is_some()),
+            ("--ref-variance", self.ref_variance.is_some()),
+            ("--vary", !self.vary.is_empty()),
+            ("--region", !self.region.is_empty()),
+            ("--layers", !self.layers.is_empty()),
+            ("-D", !self.defines.is_empty()),
+            ("--size", self.size.is_some()),
+            ("--crop", self.crop.is_some()),
+        ]
+        .into_iter()
+        .find_map(|(name, given)| given.then_some(name))
+    }
+
+    /// The regions by name: four numbers are a rectangle, all else is a file.
+    pub fn regions(&self) -> Result<BTreeMap<String, Region>, Error> {
+        let mut all = BTreeMap::new();
+        for (name, what) in &self.region {
+            let region = match numbers::<4>(what, ',') {
+                Some(rectangle) => Region::Rectangle(rectangle),
+                None => Region::Mask(PathBuf::from(what)),
+            };
+            if all.insert(name.clone(), region).is_some() {
+                return Err(Error::new(format!("two regions are called `{name}`")));
+            }
+        }
+        Ok(all)
+    }
 }
 
 /// Arguments of `accel`. Without --bench it only builds. Rays are traced on

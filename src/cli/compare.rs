@@ -20,11 +20,11 @@ pub fn run(args: &CompareArgs) -> Result<ExitCode> {
         None => None,
     };
     if args.json {
-        println!("{:#}", to_json(&measured, report.as_ref()));
+        outln!("{:#}", to_json(&measured, report.as_ref()));
     } else {
-        println!("{measured}");
+        outln!("{measured}");
         if let Some(report) = &report {
-            println!("{report}");
+            outln!("{report}");
         }
     }
     let failed = report.is_some_and(|r| matches!(r.verdict, Verdict::Fail(_)));

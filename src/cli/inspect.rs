@@ -17,12 +17,12 @@ pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
     let scene = Scene::build(&desc, &args.scene.build_options())?;
     let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
     if args.json {
-        println!("{:#}", scene.plan.to_json());
+        outln!("{:#}", scene.plan.to_json());
     } else {
         let [width, height] = scene.film.size;
-        println!("{}", args.scene.scene.display());
-        println!("{width} × {height}, {} spp, integrator {}", scene.samples_per_pixel, integrator.name());
-        print!("{}", scene.plan);
+        outln!("{}", args.scene.scene.display());
+        outln!("{width} × {height}, {} spp, integrator {}", scene.samples_per_pixel, integrator.name());
+        out!("{}", scene.plan);
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -44,17 +44,17 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
         Sampler::new(args.seed, args.pixel, args.sample).with_sequence(args.sampler),
     );
     let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();
-    println!(
+    outln!(
         "pixel {x},{y} sample {} seed {}: film position {:.6}, {:.6}",
         args.sample,
         args.seed,
         x as f32 + path.offset.x,
         y as f32 + path.offset.y
     );
-    println!("camera ray from {} along {}", show(world(path.ray.origin)), show(path.ray.dir));
+    outln!("camera ray from {} along {}", show(world(path.ray.origin)), show(path.ray.dir));
     for event in &path.events {
         match event {
-            Event::Vertex(v) => println!(
+            Event::Vertex(v) => outln!(
                 "vertex {}: p {} shape {} ng {} ns {} beta {}",
                 v.bounce,
                 show(world(v.p)),
@@ -63,31 +63,31 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
                 show(v.ns),
                 show(v.beta)
             ),
-            Event::Left { direction } => println!("left the scene along {}", show(*direction)),
-            Event::Hit { le, mis } => println!("  hit light: Le {} mis {mis:.6}", show(*le)),
-            Event::Light { wi, pdf, f, mis, contribution, occluded } => println!(
+            Event::Left { direction } => outln!("left the scene along {}", show(*direction)),
+            Event::Hit { le, mis } => outln!("  hit light: Le {} mis {mis:.6}", show(*le)),
+            Event::Light { wi, pdf, f, mis, contribution, occluded } => outln!(
                 "  sampled light: wi {} pdf {pdf:.6e} f·cos {} mis {mis:.6} {} adds {}",
                 show(*wi),
                 show(*f),
                 if *occluded { "occluded" } else { "visible" },
                 show(*contribution)
             ),
-            Event::Scatter { wi, weight, pdf, delta } => println!(
+            Event::Scatter { wi, weight, pdf, delta } => outln!(
                 "  sampled {}: wi {} pdf {pdf:.6e} weight {}",
                 if *delta { "delta lobe" } else { "bsdf" },
                 show(*wi),
                 show(*weight)
             ),
-            Event::Absorbed => println!("  absorbed"),
+            Event::Absorbed => outln!("  absorbed"),
             Event::Roulette { survival, survived } => {
-                println!(
+                outln!(
                     "  roulette: survives with {survival:.6}, {}",
                     if *survived { "did" } else { "did not" }
                 );
             }
         }
     }
-    println!("radiance {}", show_rgb(path.sample.rgb));
+    outln!("radiance {}", show_rgb(path.sample.rgb));
     Ok(ExitCode::SUCCESS)
 }
 

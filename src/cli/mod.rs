@@ -3,7 +3,24 @@
 //! Human text goes to stderr, results to stdout. Exit code 0 is done, 1 failed,
 //! 2 wrong use.
 
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this room is where the program speaks")]
+#![allow(clippy::print_stderr, reason = "this room is where the program speaks")]
+
+/// Prints a result. A reader that has gone away (`| head`) is no failure: what
+/// is left to say goes nowhere.
+macro_rules! out {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = write!(std::io::stdout(), $($text)*);
+    }};
+}
+
+/// Prints a line of a result.
+macro_rules! outln {
+    () => { out!("\n") };
+    ($($text:tt)*) => {{
+        out!("{}\n", format_args!($($text)*));
+    }};
+}
 
 mod accel;
 mod args;
@@ -11,6 +28,7 @@ mod compare;
 mod inspect;
 mod progress;
 mod render;
+mod study;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -35,6 +53,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Explain(args) => inspect::explain(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Study(args) => study::run(&args),
         Command::Accel(args) => accel::run(&args),
         Command::Replay(args) => inspect::replay(&args),
     };

@@ -13,6 +13,23 @@ use crate::render::Monitor;
 static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 static HANDLER: Once = Once::new();
 
+/// From now on Ctrl-C is counted ([`interrupted`]); the second one quits.
+pub fn catch_interrupts() {
+    HANDLER.call_once(|| {
+        // Where no handler can be set, Ctrl-C ends the program as usual.
+        let _ = ctrlc::set_handler(|| {
+            if INTERRUPTS.fetch_add(1, Ordering::SeqCst) > 0 {
+                std::process::exit(130);
+            }
+        });
+    });
+}
+
+/// True once Ctrl-C has been pressed.
+pub fn interrupted() -> bool {
+    INTERRUPTS.load(Ordering::SeqCst) > 0
+}
+
 /// Shows how far a render is.
 pub struct Progress {
     bar: Option<ProgressBar>,
@@ -28,14 +45,7 @@ impl Progress {
     /// A bar for a render that ends after `time_limit` at the latest;
     /// `unlimited` when the number of samples is no limit.
     pub fn new(quiet: bool, time_limit: Option<Duration>, unlimited: bool) -> Progress {
-        HANDLER.call_once(|| {
-            // Where no handler can be set, Ctrl-C ends the program as usual.
-            let _ = ctrlc::set_handler(|| {
-                if INTERRUPTS.fetch_add(1, Ordering::SeqCst) > 0 {
-                    std::process::exit(130);
-                }
-            });
-        });
+        catch_interrupts();
         let terminal = std::io::stderr().is_terminal();
         let bar = (!quiet && terminal).then(|| {
             let bar = ProgressBar::new(1000);
@@ -101,7 +111,7 @@ impl Monitor for Progress {
     }
 
     fn stop(&self) -> bool {
-        let stop = INTERRUPTS.load(Ordering::SeqCst) > 0;
+        let stop = interrupted();
         if stop && !self.announced.swap(true, Ordering::Relaxed) {
             let text = "interrupted: writing what there is (Ctrl-C again quits at once)";
             match &self.bar {

@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 use super::model::Metric;
 use crate::desc::{Error, Result};
 
+/// Target, metric and value; `None` where it is not finite.
+pub type Measured = (String, Metric, Option<f64>);
+
 /// One finished run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
@@ -56,8 +59,8 @@ pub struct Run {
     pub reported_error: f64,
     /// Hash of the reference and regions that `figures` belong to.
     pub measured_against: String,
-    /// Target, metric, value.
-    pub figures: Vec<(String, Metric, Option<f64>)>,
+    /// What was measured.
+    pub figures: Vec<Measured>,
     /// Made by another program.
     #[serde(default)]
     pub external: bool,
@@ -127,9 +130,8 @@ impl Ledger {
     /// # Errors
     /// When the line cannot be written.
     pub fn add(&mut self, run: Run) -> Result<()> {
-        let failed = |e: &dyn std::fmt::Display| {
-            Error::new(format!("cannot write `{}`: {e}", self.path.display()))
-        };
+        let failed =
+            |e: &dyn std::fmt::Display| Error::new(format!("cannot write `{}`: {e}", self.path.display()));
         let mut line = serde_json::to_string(&run).map_err(|e| failed(&e))?;
         line.push('\n');
         self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data()).map_err(|e| failed(&e))?;

@@ -137,27 +137,31 @@ pub struct Metrics {
 #[must_use]
 pub fn metrics(pair: &Pair<'_>) -> Metrics {
     let values = pair.finite();
-    let (mut count, mut sum, mut peak) = (0_usize, 0.0_f64, 0.0_f64);
-    for (_, b) in values.clone() {
-        count += 1;
-        sum += b;
-        peak = peak.max(b);
-    }
-    let n = count as f64;
-    let mean = (sum / n).abs();
+    let (count, sum) = values.clone().fold((0_usize, 0.0), |(n, sum), (_, b)| (n + 1, sum + b));
+    let mut all = pixel_metrics(values, (sum / count as f64).abs());
+    all.flip = flip_hdr(pair).mean;
+    all.skipped = pair.image.data.len() - count;
+    all
+}
+
+/// All but FLIP of (picture, reference) values, finite both. `mean` is the
+/// reference's mean that the floors are in units of.
+pub(super) fn pixel_metrics(values: impl Iterator<Item = (f64, f64)>, mean: f64) -> Metrics {
     let floor = 1e-2 * mean;
-    let (mut mse, mut mape, mut smape) = (0.0, 0.0, 0.0);
-    let mut relative = Vec::with_capacity(count);
+    let (mut mse, mut mape, mut smape, mut peak) = (0.0, 0.0, 0.0, 0.0_f64);
+    let mut relative = Vec::with_capacity(values.size_hint().1.unwrap_or(0));
     for (a, b) in values {
         let difference = (a - b).abs();
+        peak = peak.max(b);
         mse += difference * difference;
         mape += ratio(difference, b.abs() + floor);
         smape += ratio(2.0 * difference, a.abs() + b.abs() + floor);
-        relative.push(ratio(difference * difference, b * b + RELATIVE_FLOOR * mean * mean));
+        relative.push(relative_square(difference * difference, b, mean));
     }
+    let n = relative.len() as f64;
     mse /= n;
     relative.sort_unstable_by(f64::total_cmp);
-    let kept = count - (n * TRIMMED) as usize;
+    let kept = relative.len() - (n * TRIMMED) as usize;
     Metrics {
         mse,
         rel_mse: relative.iter().sum::<f64>() / n,
@@ -165,9 +169,15 @@ pub fn metrics(pair: &Pair<'_>) -> Metrics {
         mape: mape / n,
         smape: smape / n,
         psnr: 10.0 * (peak * peak / mse).log10(),
-        flip: flip_hdr(pair).mean,
-        skipped: pair.image.data.len() - count,
+        flip: f64::NAN,
+        skipped: 0,
     }
+}
+
+/// A squared error as relMSE weighs it, for a reference `b` in a picture of
+/// that mean.
+pub(super) fn relative_square(square: f64, b: f64, mean: f64) -> f64 {
+    ratio(square, b * b + RELATIVE_FLOOR * mean * mean)
 }
 
 /// a / b, and 0 where both are 0 (a black pixel in a black picture).

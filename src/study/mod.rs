@@ -5,19 +5,36 @@
 //! Nothing here reads files or prints; pictures are plain slices
 //! ([`RgbView`]), reports implement `Display`.
 
+pub mod bench;
+pub mod bias;
+pub mod conclude;
+pub mod coverage;
+pub mod figures;
 mod flip;
+mod gather;
 mod image;
+pub mod interval;
 mod ledger;
 pub mod metrics;
 pub mod model;
+pub mod noise;
 mod plan;
+mod series;
 mod statistics;
+mod table;
 pub mod tracing;
+pub mod truth;
 mod ztest;
 
+pub use bench::{Bench, Watch};
 pub use flip::{FlipHdr, flip_hdr, flip_ldr};
+pub use gather::{Concluded, gather};
 pub use image::Image;
 pub use ledger::{Ledger, Run};
-pub use plan::{Budget, Configuration, Plan, Region, ScenePlan, Seconds, SeriesPlan, Ladder, Vary, scene_name};
 pub use metrics::{Metrics, Pair, RgbView, metrics};
+pub use plan::{
+    Budget, Configuration, Ladder, Plan, Region, ScenePlan, Seconds, SeriesPlan, Vary, scene_name,
+};
+pub use series::read_series;
+pub use table::{summary, to_csv};
 pub use ztest::{Failure, Verdict, ZLevel, ZOptions, ZReport, z_test};

@@ -90,6 +90,25 @@ fn default_repeats() -> u32 {
     8
 }
 
+impl Default for Plan {
+    /// Nothing to run yet, eight times.
+    fn default() -> Plan {
+        Plan {
+            title: String::new(),
+            spp: None,
+            budget: None,
+            repeats: default_repeats(),
+            baseline: None,
+            layers: Vec::new(),
+            threads: 0,
+            seed: 0,
+            vary: Vary::new(),
+            scenes: Vec::new(),
+            series: Vec::new(),
+        }
+    }
+}
+
 /// One scene of a plan.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
@@ -338,8 +357,9 @@ impl Plan {
                 && let Some(bad) = values.iter().find(|v| Sequence::named(v).is_none())
             {
                 let known = Sequence::ALL.map(Sequence::name).join(", ");
-                return Err(Error::new(format!("there is no sampler `{bad}`"))
-                    .hint(format!("there are {known}")));
+                return Err(
+                    Error::new(format!("there is no sampler `{bad}`")).hint(format!("there are {known}"))
+                );
             }
             if key == "max-depth"
                 && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())
@@ -370,12 +390,8 @@ impl Plan {
             (None, None) => {
                 return Err(Error::new("the study has no budget").hint("say `spp` or `budget`"));
             }
-            (Some(ladder), None) => {
-                ladder.samples()?.into_iter().map(Budget::Samples).collect::<Vec<_>>()
-            }
-            (None, Some(seconds)) => {
-                seconds.seconds()?.into_iter().map(Budget::Seconds).collect::<Vec<_>>()
-            }
+            (Some(ladder), None) => ladder.samples()?.into_iter().map(Budget::Samples).collect::<Vec<_>>(),
+            (None, Some(seconds)) => seconds.seconds()?.into_iter().map(Budget::Seconds).collect::<Vec<_>>(),
         };
         let size = |b: &Budget| match *b {
             Budget::Samples(n) => n as f64,
@@ -481,12 +497,10 @@ mod tests {
         assert_eq!(ladder("3..20"), Some(vec![3, 6, 12, 20]));
         assert_eq!(ladder("1,16,256"), Some(vec![1, 16, 256]));
         assert_eq!([ladder("0..4"), ladder("8..4"), ladder("a..b")], [None, None, None]);
-        assert_eq!([seconds("60s"), seconds("1.5m"), seconds("2"), seconds("x")], [
-            Some(60.0),
-            Some(90.0),
-            Some(2.0),
-            None
-        ]);
+        assert_eq!(
+            [seconds("60s"), seconds("1.5m"), seconds("2"), seconds("x")],
+            [Some(60.0), Some(90.0), Some(2.0), None]
+        );
     }
 
     #[test]
@@ -501,13 +515,17 @@ mod tests {
         "#;
         let mut plan = Plan::parse(text, "plan.toml").expect("a plan");
         plan.check().expect("a good plan");
-        let names: Vec<String> = plan.configurations().expect("four").iter().map(Configuration::name).collect();
-        assert_eq!(names, [
-            "sobol, max-depth 2",
-            "sobol, max-depth 8",
-            "independent, max-depth 2",
-            "independent, max-depth 8"
-        ]);
+        let names: Vec<String> =
+            plan.configurations().expect("four").iter().map(Configuration::name).collect();
+        assert_eq!(
+            names,
+            [
+                "sobol, max-depth 2",
+                "sobol, max-depth 8",
+                "independent, max-depth 2",
+                "independent, max-depth 8"
+            ]
+        );
         assert_eq!(plan.budgets().expect("two"), [Budget::Samples(4), Budget::Samples(8)]);
         assert_eq!(plan.scenes[0].name, "a");
     }
@@ -525,7 +543,9 @@ mod tests {
         assert!(message(&format!("spp = 1\nbudget = 2\n{scene}")).contains("exclude each other"));
         assert!(message(&format!("spp = 0\n{scene}")).contains("above 0"));
         assert!(message(&format!("spp = 1\nlayers = [\"Z\"]\n{scene}")).contains("no layer `Z`"));
-        assert!(message(&format!("spp = 1\n{scene}[vary]\nsampler = [\"sobl\"]\n")).contains("no sampler `sobl`"));
+        assert!(
+            message(&format!("spp = 1\n{scene}[vary]\nsampler = [\"sobl\"]\n")).contains("no sampler `sobl`")
+        );
         let baseline = format!("spp = 1\nbaseline = \"sobl\"\n{scene}[vary]\nsampler = [\"sobol\"]\n");
         assert!(message(&baseline).contains("did you mean `sobol`?"));
     }
