@@ -13,11 +13,13 @@ use crate::study::model::{Interval, Metric, Study};
 const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 /// One script element each, in this order.
-const SCRIPTS: [&str; 5] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("basics.js"),
     include_str!("chart.js"),
     include_str!("figures.js"),
+    include_str!("pixels.js"),
     include_str!("viewer.js"),
+    include_str!("gestures.js"),
     include_str!("main.js"),
 ];
 
