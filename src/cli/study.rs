@@ -11,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use super::args::StudyArgs;
 use super::progress;
 use crate::desc::{Error, Result};
+use crate::study::report::write_report;
 use crate::study::{
     Bench, Ladder, Ledger, Plan, ScenePlan, Seconds, SeriesPlan, Vary, Watch, gather, scene_name, summary,
     to_csv,
@@ -25,6 +26,7 @@ pub fn run(args: &StudyArgs) -> Result<ExitCode> {
     let finished = args.report_only || bench.run(&mut ledger, &watch)?;
     watch.finish();
     let concluded = gather(&bench, &ledger)?;
+    write_report(&args.output, &concluded.study, &concluded.exhibits)?;
     let json = serde_json::to_string_pretty(&concluded.study)
         .map_err(|e| Error::new(format!("cannot write the study as JSON: {e}")))?;
     crate::save::write_file(&args.output.join("study.json"), json.as_bytes())?;

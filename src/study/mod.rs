@@ -1,9 +1,10 @@
-//! How far a picture is from another: error metrics, FLIP, and the test
-//! whether two noisy pictures have the same mean. How fast accelerators find
-//! hits: [`tracing`].
+//! How far a picture is from another, and what that costs: error metrics,
+//! FLIP, the test whether two noisy pictures have the same mean; studies of
+//! error against run time ([`Plan`] → [`Bench`] → [`gather`] →
+//! [`report`]); how fast accelerators find hits ([`tracing`]).
 //!
-//! Nothing here reads files or prints; pictures are plain slices
-//! ([`RgbView`]), reports implement `Display`.
+//! [`Bench`], [`Ledger`] and [`report`] read and write files; the statistics
+//! between them are functions of pictures and numbers. Nothing prints.
 
 pub mod bench;
 pub mod bias;
@@ -19,6 +20,7 @@ pub mod metrics;
 pub mod model;
 pub mod noise;
 mod plan;
+pub mod report;
 mod series;
 mod statistics;
 mod table;
