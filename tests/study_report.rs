@@ -14,7 +14,8 @@ const ODD: &str = "a <b>&\"'</script><!-- {{ x }} é→😀";
 const SAMPLES: [f64; 6] = [1.0, 4.0, 16.0, 64.0, 256.0, 1024.0];
 
 fn about(value: f64, part: f64) -> Interval {
-    Interval { value, low: value * (1.0 - part), high: value * (1.0 + part) }
+    let width = part * value.abs();
+    Interval { value, low: value - width, high: value + width }
 }
 
 fn nothing() -> Interval {

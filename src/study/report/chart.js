@@ -76,7 +76,7 @@ function decimal(digit, decade) {
 /**
  * Draws `chart` into `figure`:
  * { title, hint, x, y, series: [{ name, points: [{ x, y, low, high, hollow, text }], line }],
- *   guides: [{ label, points, side }], bars, height }.
+ *   guides: [{ label, points, at, below, before }], bars, height }.
  */
 function drawChart(figure, chart) {
   figure.replaceChildren();
@@ -144,8 +144,10 @@ function drawGuide(plane, chart, guide, frame, place) {
   plane.append(svg("path", { d, class: "guide" }));
   const at = inside[Math.floor((inside.length - 1) * (guide.at ?? 0.7))];
   const [x, y] = [place.x(at[0]), place.y(at[1])];
-  const near = x > frame.right - 130;
-  plane.append(svg("text", { x: near ? frame.right - 4 : x + 6, y: y - 6, "text-anchor": near ? "end" : "start", class: "guide-label" }, guide.label));
+  // Near the end of the plot the label stands on the inner side.
+  const before = guide.before || x > frame.right - 130;
+  const where = { x: before ? x - 7 : x + 6, y: guide.below ? y + 14 : y - 6, "text-anchor": before ? "end" : "start" };
+  plane.append(svg("text", { ...where, class: "guide-label" }, guide.label));
 }
 
 function drawSeries(series, chart, place) {

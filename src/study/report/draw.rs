@@ -16,12 +16,15 @@ use resvg::usvg;
 use super::axis::Axis;
 use crate::desc::{Error, Result};
 
-/// Size of an SVG, in its units.
-pub(super) const SIZE: (u32, u32) = (1000, 620);
-/// Pixels of the PNG per unit.
+/// Plotters places everything on whole pixels: it draws on a sheet this many
+/// times as large as the SVG says it is, so that thin dashes stay straight.
+const U: i32 = 8;
+/// Size of an SVG as it is shown.
+const SIZE: (i32, i32) = (1000, 610);
+/// Pixels of the PNG per pixel of the SVG.
 const PNG_SCALE: f32 = 2.0;
 /// Where the axes lie: left, top, right, bottom.
-const FRAME: (i32, i32, i32, i32) = (96, 64, 752, 548);
+const FRAME: (i32, i32, i32, i32) = (96 * U, 64 * U, 752 * U, 548 * U);
 const INK: RGBColor = RGBColor(34, 40, 49);
 const SOFT: RGBColor = RGBColor(98, 107, 120);
 const GRID: RGBColor = RGBColor(226, 230, 235);
@@ -74,6 +77,12 @@ pub(super) struct Point {
 pub(super) struct Guide {
     pub(super) points: Vec<[f64; 2]>,
     pub(super) label: String,
+    /// Where along its visible part the label stands, in percent.
+    pub(super) at: usize,
+    /// Under the line instead of over it.
+    pub(super) below: bool,
+    /// Left of that place instead of right of it.
+    pub(super) before: bool,
 }
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -83,16 +92,22 @@ pub(super) fn svg(chart: &Chart) -> Result<String> {
     let mut text = String::new();
     paint(chart, &mut text)
         .map_err(|e| Error::new(format!("cannot draw the plot `{}`: {e}", chart.title)))?;
-    Ok(text)
+    let (drawn, shown) = (size_attributes(SIZE.0 * U, SIZE.1 * U), size_attributes(SIZE.0, SIZE.1));
+    Ok(text.replacen(&drawn, &shown, 1))
+}
+
+/// As plotters writes them.
+fn size_attributes(width: i32, height: i32) -> String {
+    format!("width=\"{width}\" height=\"{height}\"")
 }
 
 type Painted = std::result::Result<(), Box<dyn std::error::Error>>;
 
 fn paint(chart: &Chart, text: &mut String) -> Painted {
-    let root = SVGBackend::with_string(text, SIZE).into_drawing_area();
+    let root = SVGBackend::with_string(text, ((SIZE.0 * U) as u32, (SIZE.1 * U) as u32)).into_drawing_area();
     root.fill(&WHITE)?;
-    root.draw_text(&chart.title, &style(20, INK, HPos::Left, VPos::Top), (FRAME.0, 14))?;
-    root.draw_text(&chart.subtitle, &style(14, SOFT, HPos::Left, VPos::Top), (FRAME.0, 40))?;
+    root.draw_text(&chart.title, &style(20, INK, HPos::Left, VPos::Top), (FRAME.0, 14 * U))?;
+    root.draw_text(&chart.subtitle, &style(14, SOFT, HPos::Left, VPos::Top), (FRAME.0, 40 * U))?;
     let plane = Cartesian2d::<RangedCoordf64, RangedCoordf64>::new(
         chart.x.low..chart.x.high,
         chart.y.low..chart.y.high,
@@ -114,7 +129,7 @@ fn paint(chart: &Chart, text: &mut String) -> Painted {
 }
 
 fn style(size: i32, colour: RGBColor, h: HPos, v: VPos) -> TextStyle<'static> {
-    ("sans-serif", size).into_font().color(&colour).pos(Pos::new(h, v))
+    ("sans-serif", size * U).into_font().color(&colour).pos(Pos::new(h, v))
 }
 
 fn colour(style: usize) -> RGBColor {
@@ -138,28 +153,28 @@ fn axes(chart: &Chart, area: &Area) -> Painted {
     for tick in chart.x.ticks().into_iter().filter(|_| !chart.bars) {
         let x = pixel(area, (tick.at, chart.y.low)).0;
         let grid = if tick.text.is_some() { GRID } else { GRID_MINOR };
-        line(area, vec![(x, FRAME.1), (x, FRAME.3)], grid.stroke_width(1))?;
+        line(area, vec![(x, FRAME.1), (x, FRAME.3)], grid.stroke_width(U as u32))?;
         if let Some(text) = tick.text {
-            bare.draw_text(&text, &style(14, INK, HPos::Center, VPos::Top), (x, FRAME.3 + 10))?;
+            bare.draw_text(&text, &style(14, INK, HPos::Center, VPos::Top), (x, FRAME.3 + 10 * U))?;
         }
     }
     for tick in chart.y.ticks() {
         let y = pixel(area, (chart.x.low, tick.at)).1;
         let grid = if tick.text.is_some() { GRID } else { GRID_MINOR };
-        line(area, vec![(FRAME.0, y), (FRAME.2, y)], grid.stroke_width(1))?;
+        line(area, vec![(FRAME.0, y), (FRAME.2, y)], grid.stroke_width(U as u32))?;
         if let Some(text) = tick.text {
-            bare.draw_text(&text, &style(14, INK, HPos::Right, VPos::Center), (FRAME.0 - 10, y))?;
+            bare.draw_text(&text, &style(14, INK, HPos::Right, VPos::Center), (FRAME.0 - 10 * U, y))?;
         }
     }
-    line(area, vec![(FRAME.0, FRAME.1), (FRAME.0, FRAME.3), (FRAME.2, FRAME.3)], SOFT.stroke_width(1))?;
-    let middle = ((FRAME.0 + FRAME.2) / 2, (FRAME.1 + FRAME.3) / 2);
-    bare.draw_text(
-        &chart.x.label,
-        &style(15, INK, HPos::Center, VPos::Bottom),
-        (middle.0, SIZE.1 as i32 - 12),
+    line(
+        area,
+        vec![(FRAME.0, FRAME.1), (FRAME.0, FRAME.3), (FRAME.2, FRAME.3)],
+        SOFT.stroke_width(U as u32),
     )?;
+    let middle = ((FRAME.0 + FRAME.2) / 2, (FRAME.1 + FRAME.3) / 2);
+    bare.draw_text(&chart.x.label, &style(15, INK, HPos::Center, VPos::Top), (middle.0, FRAME.3 + 34 * U))?;
     let turned = style(15, INK, HPos::Center, VPos::Top).transform(FontTransform::Rotate270);
-    bare.draw_text(&chart.y.label, &turned, (16, middle.1))?;
+    bare.draw_text(&chart.y.label, &turned, (16 * U, middle.1))?;
     Ok(())
 }
 
@@ -169,6 +184,7 @@ fn draw_guide(chart: &Chart, area: &Area, guide: &Guide) -> Painted {
     let points: Vec<(i32, i32)> =
         inside.filter_map(|p| Some(pixel(area, (chart.x.place(p[0])?, chart.y.place(p[1])?)))).collect();
     // Dashes of our own: along the line, 6 pixels drawn and 5 left out.
+    let (dash, period) = (f64::from(6 * U), f64::from(11 * U));
     let mut drawn = 0.0;
     for pair in points.windows(2) {
         let (from, to) = (pair[0], pair[1]);
@@ -176,22 +192,26 @@ fn draw_guide(chart: &Chart, area: &Area, guide: &Guide) -> Painted {
         let length = dx.hypot(dy);
         let mut at = 0.0;
         while at < length {
-            let phase = (drawn + at) % 11.0;
-            let rest = if phase < 6.0 { 6.0 - phase } else { 11.0 - phase };
+            let phase = (drawn + at) % period;
+            let rest = if phase < dash { dash - phase } else { period - phase };
             let end = (at + rest.max(0.5)).min(length);
-            if phase < 6.0 {
+            if phase < dash {
                 let place = |t: f64| {
                     (from.0 + (dx * t / length).round() as i32, from.1 + (dy * t / length).round() as i32)
                 };
-                line(area, vec![place(at), place(end)], SOFT.stroke_width(1))?;
+                line(area, vec![place(at), place(end)], SOFT.stroke_width(U as u32))?;
             }
             at = end;
         }
         drawn += length;
     }
-    if let Some(at) = points.get(points.len() * 7 / 10) {
-        let text = style(13, SOFT, HPos::Left, VPos::Bottom);
-        area.strip_coord_spec().draw_text(&guide.label, &text, (at.0 + 6, at.1 - 5))?;
+    if let Some(at) = points.get(points.len().saturating_sub(1) * guide.at / 100) {
+        // Near an end of the plot the label stands on the inner side of the line's point.
+        let near_end = at.0 > FRAME.2 - 140 * U;
+        let before = near_end || guide.before;
+        let (h, x) = if before { (HPos::Right, at.0 - 8 * U) } else { (HPos::Left, at.0 + 8 * U) };
+        let (v, y) = if guide.below { (VPos::Top, at.1 + 6 * U) } else { (VPos::Bottom, at.1 - 6 * U) };
+        area.strip_coord_spec().draw_text(&guide.label, &style(13, SOFT, h, v), (x, y))?;
     }
     Ok(())
 }
@@ -219,7 +239,7 @@ fn draw_curve(chart: &Chart, area: &Area, series: &Series) -> Painted {
         .filter(|p| chart.y.holds(p.y) && chart.x.holds(p.x))
         .filter_map(|p| Some((at(p.x, p.y)?, p.hollow)))
         .collect();
-    line(area, places.iter().map(|p| p.0).collect(), colour.stroke_width(2))?;
+    line(area, places.iter().map(|p| p.0).collect(), colour.stroke_width(2 * U as u32))?;
     for (place, hollow) in places.iter().filter(|_| series.markers) {
         marker(area, *place, series.style, *hollow)?;
     }
@@ -250,12 +270,12 @@ fn marker(area: &Area, at: (i32, i32), style: usize, hollow: bool) -> Painted {
             (-2, -2),
         ],
     };
-    let mut points: Vec<(i32, i32)> = shape.iter().map(|(x, y)| (at.0 + x, at.1 + y)).collect();
+    let mut points: Vec<(i32, i32)> = shape.iter().map(|(x, y)| (at.0 + x * U, at.1 + y * U)).collect();
     let bare = area.strip_coord_spec();
     let fill = if hollow { WHITE } else { colour(style) };
     bare.draw(&Polygon::new(points.clone(), fill.filled()))?;
     points.push(points[0]);
-    let rim = if hollow { colour(style).stroke_width(2) } else { WHITE.stroke_width(1) };
+    let rim = if hollow { colour(style).stroke_width(2 * U as u32) } else { WHITE.stroke_width(U as u32) };
     line(area, points, rim)
 }
 
@@ -269,7 +289,7 @@ fn names(chart: &Chart, area: &Area) -> Painted {
     }
     ends.sort_by_key(|end| end.0);
     let gap = (FRAME.3 - FRAME.1) / i32::try_from(ends.len()).unwrap_or(i32::MAX).max(1);
-    let gap = gap.min(22);
+    let gap = gap.min(22 * U);
     let mut free = FRAME.1;
     for end in &mut ends {
         end.0 = end.0.max(free);
@@ -281,15 +301,15 @@ fn names(chart: &Chart, area: &Area) -> Painted {
         limit = end.0 - gap;
     }
     for (y, place, series) in ends {
-        let x = FRAME.2 + 30;
+        let x = FRAME.2 + 30 * U;
         line(
             area,
-            vec![place, (FRAME.2 + 8, y), (x - 10, y)],
-            colour(series.style).mix(0.45).stroke_width(1),
+            vec![place, (FRAME.2 + 8 * U, y), (x - 10 * U, y)],
+            colour(series.style).mix(0.45).stroke_width(U as u32),
         )?;
         marker(area, (x, y), series.style, false)?;
         let text = style(14, colour(series.style), HPos::Left, VPos::Center);
-        area.strip_coord_spec().draw_text(&shorten(&series.name, 26), &text, (x + 14, y))?;
+        area.strip_coord_spec().draw_text(&shorten(&series.name, 26), &text, (x + 14 * U, y))?;
     }
     Ok(())
 }
@@ -305,22 +325,27 @@ pub(super) fn shorten(name: &str, length: usize) -> String {
 /// A bar with its interval and its name below.
 fn draw_bars(chart: &Chart, area: &Area, series: &Series) -> Painted {
     let bare = area.strip_coord_spec();
-    let width = ((FRAME.2 - FRAME.0) as f64 / (chart.x.high - chart.x.low) * 0.32).min(46.0) as i32;
+    let width =
+        (f64::from(FRAME.2 - FRAME.0) / (chart.x.high - chart.x.low) * 0.32).min(f64::from(46 * U)) as i32;
     for p in series.points.iter().filter(|p| p.y.is_finite()) {
         let at = |y: f64| Some(pixel(area, (chart.x.place(p.x)?, chart.y.place(y)?)));
         let (Some(top), Some(base)) = (at(p.y), at(f64::MIN_POSITIVE)) else { continue };
         let corners = [(base.0 - width, base.1), (base.0 + width, top.1)];
         bare.draw(&Rectangle::new(corners, colour(series.style).mix(0.85).filled()))?;
         if let (Some(low), Some(high)) = (at(p.low), at(p.high)) {
-            line(area, vec![low, high], INK.stroke_width(2))?;
+            line(area, vec![low, high], INK.stroke_width(2 * U as u32))?;
             for end in [low, high] {
-                line(area, vec![(end.0 - 7, end.1), (end.0 + 7, end.1)], INK.stroke_width(2))?;
+                line(
+                    area,
+                    vec![(end.0 - 7 * U, end.1), (end.0 + 7 * U, end.1)],
+                    INK.stroke_width(2 * U as u32),
+                )?;
             }
         }
     }
     if let Some(p) = series.points.first() {
         let x = pixel(area, (p.x, chart.y.low)).0;
-        let y = FRAME.3 + 10 + if series.style % 2 == 1 { 18 } else { 0 };
+        let y = FRAME.3 + (10 + if chart.series.len() > 3 && p.x as i64 % 2 == 1 { 18 } else { 0 }) * U;
         let text = style(13, colour(series.style), HPos::Center, VPos::Top);
         bare.draw_text(&shorten(&series.name, 24), &text, (x, y))?;
     }

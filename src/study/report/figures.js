@@ -35,7 +35,7 @@ function convergenceChart(scene) {
   const guides = x && y ? convergenceGuides(scene, shown, x, linear, drawFloor ? floor : 0) : [];
   const below = floor > 0 && !drawFloor ? ` The reference’s noise, ${number(floor)}, lies below.` : "";
   const limited = points.some((p) => p.hollow) ? " Hollow: within the reference’s noise." : "";
-  return { name: "Convergence", x, y, series: shown, guides, hint: `Bands are ${percent(study.confidence)} intervals.${limited}${below}`, empty: "No figures of this kind were measured." };
+  return { name: "Convergence", x, y, series: shown, guides, hint: `Bands are ${(100 * study.confidence).toFixed(0)} % intervals.${limited}${below}`, empty: "No figures of this kind were measured." };
 }
 
 function convergenceGuides(scene, shown, x, linear, floor) {
@@ -46,7 +46,7 @@ function convergenceGuides(scene, shown, x, linear, floor) {
   const first = (shown.find((s) => s.name === scene.baseline) ?? shown[0])?.points[0];
   if (first) {
     const points = across.filter((v) => v >= first.x).map((v) => [v, first.y * (v / first.x) ** slope]);
-    guides.push({ label: slope === -1 ? "slope −1" : "slope −½", points });
+    guides.push({ label: slope === -1 ? "slope −1" : "slope −½", points, at: 1, below: true, before: true });
   }
   if (floor > 0) guides.push({ label: "noise of the reference", points: across.map((v) => [v, floor]), at: 0 });
   return guides;
@@ -91,10 +91,10 @@ function spectrumChart(scene) {
   const powers = series.flatMap((s) => s.points.map((p) => p.y));
   return {
     title: "Is the noise blue?", name: "Power spectrum", height: 260, series,
-    hint: "Power spectrum of the relative error; low on the left is blue.",
+    hint: "Power spectrum of the relative error. Dashed: white; low on the left is blue.",
     x: makeAxis("linear", "cycles per pixel", [], [0, 0.5]),
     y: powers.length ? makeAxis("log", "power ÷ white", [...powers, 0.5, 2]) : null,
-    guides: [{ label: "white", points: Array.from({ length: 21 }, (_, i) => [i / 40, 1]), at: 0.8 }],
+    guides: [{ label: "", points: Array.from({ length: 21 }, (_, i) => [i / 40, 1]), at: 0 }],
     empty: "Needs two runs of a configuration.",
   };
 }
@@ -108,7 +108,7 @@ function histogramChart(scene) {
     title: "Fireflies", name: "Histogram of pixel errors", height: 260, series, x,
     hint: "Histogram of pixel errors; a long right tail is fireflies.",
     y: makeAxis("log", "part of the values", points.map((p) => p.y)),
-    guides: [{ label: "normal", points: along.map((v) => [v, normalWithin(v) - normalWithin(v / 2)]), at: 0.25 }],
+    guides: [{ label: "normal", points: along.map((v) => [v, normalWithin(v) - normalWithin(v / 2)]), at: 0.98, below: true, before: true }],
     empty: "Needs two runs of a configuration.",
   };
 }
@@ -122,7 +122,7 @@ function calibrationChart(scene) {
     hint: "True error within k reported ones; above the dashes is cautious.",
     x: makeAxis("linear", "k standard errors", [], [0, end]),
     y: makeAxis("linear", "part within k", [], [0, 1.03]),
-    guides: [{ label: "perfect", points: along.map((k) => [k, normalWithin(k)]), at: 0.35 }],
+    guides: [{ label: "perfect", points: along.map((k) => [k, normalWithin(k)]), at: 0.28, before: true }],
     empty: "These pictures have no error layer.",
   };
 }

@@ -24,8 +24,8 @@ canvas.addEventListener("pointerdown", (event) => {
   const place = pointerPlace(event);
   const onWipe = view.mode === "wipe" && Math.abs(place.x - view.wipe * canvas.clientWidth) < 14;
   const [width, height] = extent();
-  if (view.zoom === null) [view.centre, view.zoom] = [[width / 2, height / 2], onWipe ? null : zoomNow()];
-  drag = { x: place.x, y: place.y, centre: [...view.centre], onWipe };
+  const centre = view.zoom === null ? [width / 2, height / 2] : [...view.centre];
+  drag = { x: place.x, y: place.y, centre, onWipe, moved: false };
   canvas.setPointerCapture(event.pointerId);
 });
 
@@ -35,6 +35,10 @@ canvas.addEventListener("pointermove", (event) => {
   if (drag?.onWipe) {
     view.wipe = Math.min(Math.max(place.x / canvas.clientWidth, 0), 1);
   } else if (drag) {
+    // A click that trembles is no drag.
+    drag.moved ||= Math.hypot(place.x - drag.x, place.y - drag.y) > 3;
+    if (!drag.moved) return;
+    view.zoom ??= zoomNow();
     view.centre = [drag.centre[0] - (place.x - drag.x) / view.zoom, drag.centre[1] - (place.y - drag.y) / view.zoom];
   } else {
     const near = view.mode === "wipe" && Math.abs(place.x - view.wipe * canvas.clientWidth) < 14;

@@ -127,7 +127,8 @@ fn convergence(scene: &SceneStudy, metric: Metric, cost: Cost) -> Option<Chart> 
 /// A horizontal line over the whole axis.
 fn level(x: &Axis, y: f64, label: &str) -> Guide {
     let at = |t: f64| [10f64.powf(x.low + t * (x.high - x.low)), y];
-    Guide { points: (0..=20).map(|i| at(f64::from(i) / 20.0)).collect(), label: label.into() }
+    let points = (0..=20).map(|i| at(f64::from(i) / 20.0)).collect();
+    Guide { points, label: label.into(), at: 0, below: false, before: false }
 }
 
 /// Squares fall as 1/N, absolute errors as its root: through the first point of
@@ -145,7 +146,8 @@ fn rate_guide(scene: &SceneStudy, metric: Metric, x: &Axis, series: &[Series]) -
         [first.x * ratio, first.y * ratio.powf(slope)]
     };
     let label = if slope == -1.0 { "slope −1" } else { "slope −½" };
-    vec![Guide { points: (0..=60).map(|i| at(f64::from(i) / 60.0)).collect(), label: label.into() }]
+    let points = (0..=60).map(|i| at(f64::from(i) / 60.0)).collect();
+    vec![Guide { points, label: label.into(), at: 100, below: true, before: true }]
 }
 
 /// Efficiency at the largest budget.
@@ -202,9 +204,10 @@ fn spectrum(scene: &SceneStudy) -> Option<Chart> {
     let x = Axis::linear("frequency (cycles per pixel)", 0.0, 0.5);
     let y = Axis::log("power ÷ that of white noise", powers().chain([0.5, 2.0]))?;
     (!series.is_empty()).then_some(())?;
-    let guide =
-        Guide { points: (0..=20).map(|i| [f64::from(i) / 40.0, 1.0]).collect(), label: "white noise".into() };
-    let subtitle = "relative error at the largest budget; low on the left is blue noise".into();
+    let points = (0..=20).map(|i| [f64::from(i) / 40.0, 1.0]).collect();
+    let guide = Guide { points, label: String::new(), at: 0, below: false, before: false };
+    let subtitle =
+        "relative error at the largest budget; dashed: white noise; low on the left is blue".into();
     let title = heading(scene, "power spectrum of the error");
     Some(Chart { title, subtitle, x, y, series, guides: vec![guide], bars: false })
 }
@@ -222,7 +225,8 @@ fn histogram(scene: &SceneStudy) -> Option<Chart> {
     let normal = |x: f64| [x, two_sided_p(x / 2.0) - two_sided_p(x)];
     let steps = 80;
     let at = |i: i32| 10f64.powf(x.low + (x.high - x.low) * f64::from(i) / f64::from(steps));
-    let guide = Guide { points: (0..=steps).map(|i| normal(at(i))).collect(), label: "normal errors".into() };
+    let points = (0..=steps).map(|i| normal(at(i))).collect();
+    let guide = Guide { points, label: "normal errors".into(), at: 98, below: true, before: true };
     let subtitle =
         "classes between powers of two, at the largest budget; a long right tail is fireflies".into();
     let title = heading(scene, "histogram of pixel errors");
@@ -241,9 +245,10 @@ fn calibration(scene: &SceneStudy) -> Option<Chart> {
     let ends = series.iter().flat_map(|s| &s.points).map(|p| p.x);
     let end = ends.fold(3.0, f64::max).min(6.0);
     let x = Axis::linear("k, in reported standard errors", 0.0, end);
-    let y = Axis::linear("part of the values within k", 0.0, 1.0);
+    let y = Axis::linear("part of the values within k", 0.0, 1.03);
     let perfect = |i: i32| [end * f64::from(i) / 80.0, 1.0 - two_sided_p(end * f64::from(i) / 80.0)];
-    let guide = Guide { points: (0..=80).map(perfect).collect(), label: "perfect".into() };
+    let points = (0..=80).map(perfect).collect();
+    let guide = Guide { points, label: "perfect".into(), at: 28, below: false, before: true };
     let subtitle =
         "true error against the reported one, at the largest budget; above the dashes is cautious".into();
     let title = heading(scene, "calibration of the error layer");
