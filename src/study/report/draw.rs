@@ -362,9 +362,8 @@ impl Painter {
         let mut fonts = usvg::fontdb::Database::new();
         fonts.load_font_data(ttf_noto_sans::REGULAR.to_vec());
         fonts.set_sans_serif_family("Noto Sans");
-        let mut options = usvg::Options::default();
-        options.font_family = "Noto Sans".into();
-        options.fontdb = Arc::new(fonts);
+        let (font_family, fontdb) = ("Noto Sans".into(), Arc::new(fonts));
+        let options = usvg::Options { font_family, fontdb, ..usvg::Options::default() };
         Painter { options }
     }
 
