@@ -98,6 +98,15 @@ mod tests {
         }
     }
 
+    /// 24 pictures of 256 × 256 stay under 15 MB however noisy they are.
+    #[test]
+    fn noise_takes_no_more_than_its_halves() {
+        let noise = |i: u32| f32::from_bits(0x3f80_0000 | (i.wrapping_mul(0x9E37_79B9) >> 9));
+        let rgb = (0..3 * 256 * 256).map(noise).collect();
+        let size = encode_one(&exhibit([256, 256], rgb)).unwrap().data.len();
+        assert!(24 * size < 15_000_000, "{size} bytes");
+    }
+
     #[test]
     fn large_values_take_floats_and_wrong_sizes_are_errors() {
         assert_eq!(encode_one(&exhibit([1, 1], vec![1e6, 0.0, 0.0])).unwrap().format, "float");
