@@ -103,6 +103,11 @@ impl Axis {
 
     fn decade_ticks(&self) -> Vec<Tick> {
         let span = self.high - self.low;
+        if span < 0.35 {
+            // Within a factor of two there are too few round digits: even steps.
+            let even = Axis::linear("", 10f64.powf(self.low), 10f64.powf(self.high)).even_ticks();
+            return even.into_iter().map(|tick| Tick { at: tick.at.log10(), ..tick }).collect();
+        }
         let (first, last) = (self.low.floor() as i32, self.high.ceil() as i32);
         // Every decade up to ten of them, then every second, third, …
         let step = (span / 10.0).ceil().max(1.0) as i32;

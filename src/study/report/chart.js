@@ -53,6 +53,8 @@ function evenTicks(axis, room) {
 
 function decadeTicks(axis, room) {
   const span = axis.high - axis.low;
+  // Within a factor of two there are too few round digits: even steps.
+  if (span < 0.35) return evenTicks({ low: 10 ** axis.low, high: 10 ** axis.high }, room);
   const step = Math.max(1, Math.ceil(span / Math.min(room, 10)));
   const named = span > 3 ? [1] : span > 0.9 ? [1, 2, 5] : [1, 2, 3, 4, 5, 6, 7, 8, 9];
   const ticks = [];

@@ -109,7 +109,7 @@ fn convergence(scene: &SceneStudy, metric: Metric, cost: Cost) -> Option<Chart> 
     let lowest = all().map(|p| p.y).fold(f64::INFINITY, f64::min);
     let drawn_floor = Some(floor).filter(|f| *f > lowest / 100.0);
     // An interval may reach far down; it does not rule the axis.
-    let bands = || all().flat_map(|p| [p.high.min(4.0 * p.y), p.low.max(p.y / 4.0)]);
+    let bands = || all().flat_map(|p| [p.high.clamp(p.y, 4.0 * p.y), p.low.clamp(p.y / 4.0, p.y)]);
     let y = Axis::log(metric.label(), all().map(|p| p.y).chain(bands()).chain(drawn_floor))?;
     let mut guides = rate_guide(scene, metric, &x, &series);
     if let Some(floor) = drawn_floor {
