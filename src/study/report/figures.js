@@ -64,7 +64,8 @@ function efficiencyChart(scene) {
   const series = [];
   for (const c of scene.configurations) {
     const rung = c.rungs.at(-1);
-    if (!rung || !(rung.efficiency.value > 0)) continue;
+    // What computes something else has an error, but no efficiency to compare.
+    if (!rung || c.biased_by_design || !(rung.efficiency.value > 0)) continue;
     const { value, low, high } = rung.efficiency;
     const text = `efficiency ${withInterval(rung.efficiency)}\nat ${rung.budget}`;
     series.push({ name: c.name, points: [{ x: series.length, y: value, low, high, text }] });

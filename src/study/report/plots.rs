@@ -156,7 +156,8 @@ fn efficiency(scene: &SceneStudy) -> Option<Chart> {
     for (style, configuration) in scene.configurations.iter().enumerate() {
         let Some(rung) = configuration.rungs.last() else { continue };
         let e = rung.efficiency;
-        if !(e.value.is_finite() && e.value > 0.0) {
+        // What computes something else has an error, but no efficiency to compare.
+        if configuration.biased_by_design.is_some() || !(e.value.is_finite() && e.value > 0.0) {
             continue;
         }
         let x = series.len() as f64;
