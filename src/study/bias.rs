@@ -10,8 +10,9 @@
 //! neighbours under a wide filter share samples, so that its blocks are taken
 //! as `overlap` times as uncertain as independent pixels.
 //!
-//! A difference that noise could hide is not called converged: if the interval
-//! of the whole mean is wider than ±0.5 %, the verdict is `Undecided`.
+//! Seeing no difference is not convergence: that is said only when the whole
+//! interval of the mean lies within ±0.5 %, so that a larger bias is ruled out.
+//! Else the verdict is `Undecided`.
 
 use super::Image;
 use super::model::{BiasTest, BiasVerdict, Interval};
@@ -118,10 +119,11 @@ pub fn bias_test(images: &[Image], truth: &Truth, budget: &str) -> Option<BiasTe
         low: relative(whole.difference - half),
         high: relative(whole.difference + half),
     };
-    let wide = relative(half).abs();
+    // Not only must no bias be seen: one that matters must be ruled out.
+    let ruled_out = -DECIDES <= mean.low.min(mean.high) && mean.low.max(mean.high) <= DECIDES;
     let verdict = if whole.p() < 0.5 * FALSE_POSITIVE_RATE || worst.p() < level {
         BiasVerdict::Biased
-    } else if wide <= DECIDES {
+    } else if ruled_out {
         BiasVerdict::Converges
     } else {
         BiasVerdict::Undecided

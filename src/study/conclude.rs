@@ -13,7 +13,7 @@ use super::model::{
 };
 
 /// Levels of a comparison, from one end of the common range to the other.
-const LEVELS: usize = 7;
+const LEVELS: usize = 5;
 /// A slope above this over the last three rungs is no convergence to speak of.
 const STALLED: f64 = -0.25;
 /// Flattest slope that is extrapolated along.
