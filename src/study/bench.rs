@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use super::figures::measure;
 use super::ledger::{Ledger, Measured, Run};
-use super::plan::text;
+use super::plan::{KEYS, text};
 use super::truth::{RegionMask, Truth, regions};
 use super::{Budget, Configuration, Image, Plan, ScenePlan};
 use crate::desc::{Error, Fnv, Result};
@@ -303,6 +303,9 @@ impl Bench {
     }
 }
 
+/// Keys and values of a configuration.
+type Settings = Vec<(String, String)>;
+
 impl Subject {
     fn new(
         plan: &ScenePlan,
@@ -311,16 +314,18 @@ impl Subject {
         watch: &dyn Watch,
     ) -> Result<Subject> {
         let truth = Truth::read(plan, layers)?;
-        let mut built: Vec<(Vec<Option<String>>, Vec<(String, String)>, Rc<Built>)> = Vec::new();
+        // What decides how a scene is built, with the scene.
+        let mut built: Vec<(Settings, Rc<Built>)> = Vec::new();
         let mut candidates = Vec::new();
         for configuration in configurations {
-            let tree = ["accel", "bvh"].map(|k| configuration.get(k).map(str::to_owned)).to_vec();
-            let defines: Vec<_> = configuration.defines().collect();
-            let scene = match built.iter().find(|(t, d, _)| *t == tree && *d == defines) {
-                Some((_, _, scene)) => Rc::clone(scene),
+            let decides = |key: &str| key == "accel" || key == "bvh" || !KEYS.contains(&key);
+            let settings: Settings =
+                configuration.settings.iter().filter(|(key, _)| decides(key)).cloned().collect();
+            let scene = match built.iter().find(|(other, _)| *other == settings) {
+                Some((_, scene)) => Rc::clone(scene),
                 None => {
                     let scene = Rc::new(Built::new(plan, configuration, watch)?);
-                    built.push((tree, defines, Rc::clone(&scene)));
+                    built.push((settings, Rc::clone(&scene)));
                     scene
                 }
             };
@@ -375,7 +380,7 @@ impl Subject {
     fn hash(&self) -> String {
         let mut hash = Fnv::default();
         if let Some(truth) = &self.truth {
-            truth.hash(&mut hash);
+            truth.add_to(&mut hash);
         }
         for region in &self.regions {
             hash.bytes(region.name.as_bytes());

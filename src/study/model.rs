@@ -36,6 +36,7 @@ pub struct Machine {
     pub threads: usize,
     /// CPU seconds ÷ (wall seconds × threads), over all runs: well under 1
     /// says that something else ran too.
+    #[serde(with = "nullable")]
     pub load: f64,
 }
 
@@ -74,8 +75,10 @@ pub enum Reference {
         /// Where its variance comes from (a file, its error layer), if it is known.
         variance: Option<String>,
         /// MSE that its own noise adds; subtracted from every MSE.
+        #[serde(with = "nullable")]
         noise_mse: f64,
         /// relMSE that its own noise adds; subtracted from every relMSE.
+        #[serde(with = "nullable")]
         noise_rel_mse: f64,
     },
     /// No picture: the error is the sample variance over independent runs,
@@ -129,6 +132,7 @@ pub struct Rung {
     /// As `64 spp` or `8 s`.
     pub budget: String,
     /// Samples per pixel, mean over the runs.
+    #[serde(with = "nullable")]
     pub samples_per_pixel: f64,
     /// CPU seconds of each run.
     pub cpu_seconds: Vec<f64>,
@@ -161,6 +165,7 @@ pub struct Figure {
     #[serde(with = "nullable_list")]
     pub runs: Vec<f64>,
     /// Below this the noise of the reference rules; 0 if it is unknown or plays no part.
+    #[serde(with = "nullable")]
     pub floor: f64,
     /// The figure is too near to the floor to be believed: print no number.
     pub limited: bool,
@@ -250,6 +255,7 @@ pub enum Cost {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TimeTo {
     /// 0.01 or 0.005.
+    #[serde(with = "nullable")]
     pub error: f64,
     /// CPU seconds; NaN when it cannot be told.
     pub cpu: Interval,
@@ -309,6 +315,7 @@ pub struct Noise {
     /// normal, under 2 means fireflies without a variance.
     pub tail_index: Interval,
     /// Part of the squared error in the worst 0.1 % of the values.
+    #[serde(with = "nullable")]
     pub worst_share: f64,
     /// Correlation of the errors of pixels 1, 2, … apart, both axes.
     pub correlation: Vec<f64>,
@@ -329,6 +336,7 @@ pub struct Coverage {
     /// The rung.
     pub budget: String,
     /// Its samples per pixel.
+    #[serde(with = "nullable")]
     pub samples_per_pixel: f64,
     /// Part of the pixel-channels within 1, 2 and 3 reported standard errors
     /// of the truth (68.3, 95.4, 99.7 % if perfect).
@@ -337,6 +345,7 @@ pub struct Coverage {
     pub within_95: Interval,
     /// Root mean square of the true error ÷ that of the reported one: 1 if
     /// perfect, under 1 conservative.
+    #[serde(with = "nullable")]
     pub ratio: f64,
     /// Curve: k, part within k.
     pub curve: Vec<[f64; 2]>,
@@ -363,6 +372,7 @@ pub struct Comparison {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct AtLevel {
     /// CPU seconds or relMSE.
+    #[serde(with = "nullable")]
     pub level: f64,
     /// Above 1 is better than the baseline.
     pub speedup: Interval,

@@ -94,7 +94,7 @@ impl Truth {
     }
 
     /// Takes all that figures depend on into a hash.
-    pub fn hash(&self, hash: &mut Fnv) {
+    pub fn add_to(&self, hash: &mut Fnv) {
         for target in &self.targets {
             let images = std::iter::once(&target.mean).chain(&target.variance);
             images.flat_map(|i| &i.rgb).for_each(|v| hash.bytes(&v.to_bits().to_le_bytes()));
