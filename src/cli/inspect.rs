@@ -8,7 +8,7 @@ use crate::desc::{Error, Result};
 use crate::integrator::{Event, Integrator};
 use crate::math::{Rgb, Vec3};
 use crate::render::replay as replay_path;
-use crate::sampling::Sampler;
+use crate::sampling::{Sampler, replica_of};
 use crate::scene::Scene;
 
 /// Prints the plan of a scene.
@@ -37,12 +37,9 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     if x as u32 >= width || y as u32 >= height {
         return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
     }
-    let path = replay_path(
-        &scene,
-        &integrator,
-        args.pixel,
-        Sampler::new(args.seed, args.pixel, args.sample).with_sequence(args.sampler),
-    );
+    let (seed, within) = replica_of(args.seed, args.replicas.unwrap_or(0), args.sample);
+    let sampler = Sampler::new(seed, args.pixel, within).with_sequence(args.sampler);
+    let path = replay_path(&scene, &integrator, args.pixel, sampler);
     let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();
     outln!(
         "pixel {x},{y} sample {} seed {}: film position {:.6}, {:.6}",
