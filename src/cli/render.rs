@@ -8,7 +8,7 @@ use super::args::{Curve, RenderArgs};
 use super::load_scene;
 use super::progress::Progress;
 use crate::desc::{Error, Result};
-use crate::film::{Groups, Picture};
+use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
 use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
 use crate::sampling::Sequence;
@@ -126,6 +126,10 @@ fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, ope
     let [width, height] = scene.film.size;
     let until = if open_ended { String::new() } else { format!(", {} spp", options.samples_per_pixel) };
     eprintln!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
+    if options.replicas > 0 {
+        let bytes = Film::bytes_for(&scene.film, options.layers, Groups::of_replicas(options.replicas));
+        eprintln!("{} replicas: the film takes {:.1} MB", options.replicas, bytes as f64 * 1e-6);
+    }
     eprintln!(
         "sampler: {} (the file says `{}`; its sample count is used)",
         options.sequence.name(),

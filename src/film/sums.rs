@@ -174,6 +174,10 @@ impl Film {
             let cells = row.sums[first * stride..][..sums.len()].chunks_exact_mut(stride);
             for (cell, added) in cells.zip(sums.chunks_exact(stride)) {
                 for ((sum, added), unit) in cell.iter_mut().zip(added).zip(&self.units) {
+                    // Most groups have no sample in a pass.
+                    if *added == 0.0 {
+                        continue;
+                    }
                     match sum.checked_add(to_fixed(*added, *unit)) {
                         Some(total) => *sum = total,
                         None => overflow += 1,
@@ -202,9 +206,15 @@ impl Film {
     /// Heap memory in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let pixel =
-            self.layout.stride * size_of::<i128>() + usize::from(self.layers.depth) * size_of::<f32>();
-        self.spec.stored().area() * pixel
+        Film::bytes_for(&self.spec, self.layers, self.layout.groups)
+    }
+
+    /// Heap memory in bytes of a film that is yet to be made.
+    #[must_use]
+    pub fn bytes_for(spec: &FilmSpec, layers: LayerSet, groups: Groups) -> usize {
+        let stride = Layout::new(layers, groups).stride;
+        let pixel = stride * size_of::<i128>() + usize::from(layers.depth) * size_of::<f32>();
+        spec.stored().area() * pixel
     }
 
     /// The picture as it is now. A pixel whose weights do not sum to more than

@@ -198,6 +198,7 @@ impl<'a> Job<'a> {
         let start = Instant::now();
         let mut next = 0;
         let mut error = None;
+        let mut estimated_at = 0;
         let stopped = loop {
             let mut count =
                 pass::size(next, self.options.replicas).min(self.options.samples_per_pixel - next);
@@ -217,6 +218,7 @@ impl<'a> Job<'a> {
             next += count;
             if looks {
                 error = Some(self.film.relative());
+                estimated_at = next;
             }
             if next >= self.options.samples_per_pixel {
                 break Stopped::Samples;
@@ -234,7 +236,7 @@ impl<'a> Job<'a> {
         let wall = start.elapsed().as_secs_f64();
         let (counters, mut bad) = self.totals.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         bad.overflow = self.film.overflow();
-        let relative = self.film.relative();
+        let relative = error.filter(|_| estimated_at == next).unwrap_or_else(|| self.film.relative());
         let stats = RenderStats {
             wall_seconds: wall,
             cpu_seconds: self.cpu_nanoseconds.into_inner() as f64 * 1e-9,
