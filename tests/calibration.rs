@@ -93,9 +93,9 @@ fn measure(case: &Case, replicas: u32, seeds: u64, counts: &[u64]) -> Vec<(u64, 
 }
 
 fn check(replicas: u32, bounds: std::ops::RangeInclusive<f64>) {
-    let long_counts = [16, 24, 32, 48, 64, 72, 100, 128, 256, 512, 768, 1024, 2048];
+    let long_counts = [16, 24, 32, 64, 72, 128, 256, 512, 768, 1024, 1536];
     let (seeds, counts): (u64, &[u64]) =
-        if long() { (12, &long_counts) } else { (6, &[16, 40, 64, 256, 512]) };
+        if long() { (8, &long_counts) } else { (6, &[16, 40, 64, 256, 512]) };
     println!("| scene | error from | samples | within 1 | within 1.96 | within 3 | true ÷ reported |");
     println!("|-|-|-|-|-|-|-|");
     let mut checked = 0;

@@ -152,9 +152,8 @@ fn weighted<'a>(count: usize, at: usize, pool: impl Fn(usize) -> &'a Pool) -> Po
 /// across.
 fn around(rows: &VecDeque<Row>, (x, y): (usize, usize)) -> [f64; 3] {
     let (mut sum, mut total) = ([0.0; 3], 0.0);
-    for j in y.saturating_sub(1)..rows.len().min(y + 2) {
-        for i in x.saturating_sub(1)..rows[j].pixels.len().min(x + 2) {
-            let pixel = &rows[j].pixels[i];
+    for (j, row) in rows.iter().enumerate().take(y + 2).skip(y.saturating_sub(1)) {
+        for (i, pixel) in row.pixels.iter().enumerate().take(x + 2).skip(x.saturating_sub(1)) {
             if (i, j) != (x, y) && pixel.weight > 0.0 {
                 let weight = if i == x || j == y { 2.0 } else { 1.0 };
                 sum.iter_mut().zip(pixel.mean).for_each(|(s, m)| *s += weight * m);
