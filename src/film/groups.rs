@@ -120,7 +120,7 @@ fn halves(sums: impl Iterator<Item = Sums>) -> [Sums; 2] {
     let (short, long) = if a[0] < b[0] { (a, b) } else { (b, a) };
     let plus = |a: Sums, b: Sums| std::array::from_fn(|k| a[k] + b[k]);
     // The long one is the newest level when it is longer than all old ones.
-    if long[0] > 1.25 * old[0] { [plus(old, short), long] } else { [old, plus(short, long)] }
+    if long[0] > 1.125 * old[0] { [plus(old, short), long] } else { [old, plus(short, long)] }
 }
 
 /// c of groups whose means have the variances c/W: Σ W·(m − M)²/(count − 1),

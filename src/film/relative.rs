@@ -20,14 +20,21 @@
 //!
 //! The terms of pixels are independent but for the filter's overlap, which makes
 //! w = Σ ρ² of them share their noise (ρ the correlation of neighbours). With d
-//! degrees of freedom, var v̂ = 2v²/d; so with t the terms, taken from pooled
-//! variances,
+//! degrees of freedom, var v̂ = 2v²/d; so with t the terms and t' the same from
+//! pooled variances,
 //!
-//!   var T̂ / T̂² ≈ 2w/(d·n_eff), n_eff = (Σ t)² / Σ t².
+//!   var T̂ / T̂² ≈ 2w/(d·n_eff), n_eff = (Σ t)² / Σ t'·min(t, t')/e
+//!
+//! with e = 1 − 1/(2√d), which is about the mean of min(t, t')/t' for normal
+//! noise (0.52 for d = 1). Squares of t alone would be three times too large for
+//! d = 1, those of t' too large beside the edges of lamps; and the minimum keeps
+//! down a pixel with a single firefly, whose error is no guess: it is the very
+//! difference that was seen.
 //!
 //! n_eff is the effective number of pixels: where fireflies rule it is their
 //! number, and the interval becomes as wide as it must be. The interval is
-//! normal in log T. What no sample has seen yet is not in it.
+//! normal in log T: of the error that other seeds would have on average. What no
+//! sample has seen yet is not in it.
 
 use super::sums::Film;
 use super::{FilmSpec, Filter};
@@ -101,15 +108,17 @@ impl Film {
         });
         let floor = 0.01 * (total / count).powi(2);
         let ratio = |v: f64, value: &Value| if v > 0.0 { v / (value.square + floor) } else { 0.0 };
-        let (mut sum, mut pooled, mut squares) = (0.0, 0.0, 0.0);
+        let (mut sum, mut squares) = (0.0, 0.0);
         for pixel in &pixels {
-            sum += pixel.iter().map(|v| ratio(v.own, v)).sum::<f64>() / 3.0;
-            let term = pixel.iter().map(|v| ratio(v.pooled, v)).sum::<f64>() / 3.0;
-            pooled += term;
-            squares += term * term;
+            let own = pixel.iter().map(|v| ratio(v.own, v)).sum::<f64>() / 3.0;
+            let pooled = pixel.iter().map(|v| ratio(v.pooled, v)).sum::<f64>() / 3.0;
+            sum += own;
+            squares += pooled * own.min(pooled);
         }
-        let effective = if pooled > 0.0 { pooled * pooled / squares } else { count };
-        let spread = (2.0 * overlap(self.spec()) / (self.layout.groups.degrees() * effective)).sqrt();
+        let degrees = self.layout.groups.degrees();
+        squares /= 1.0 - 0.5 / degrees.sqrt();
+        let effective = if squares > 0.0 { sum * sum / squares } else { count };
+        let spread = (2.0 * overlap(self.spec()) / (degrees * effective)).sqrt();
         RelativeError {
             value: (sum / count).sqrt(),
             // Half of that of T, whose root the value is.

@@ -62,6 +62,13 @@ pub struct RenderOptions {
 /// percent too large on average (halves, see [`Groups`]).
 pub const STOP_MARGIN: f64 = 1.645;
 
+/// No margin is larger than this. Where it would be, a few fireflies rule the
+/// error and the interval is that of what other seeds would give; but this
+/// picture's own error is the better known the more a firefly rules it: with a
+/// and b the errors of both halves, ((a − b)/2)² and the squared error of their
+/// mean, ((a + b)/2)², differ by a·b, and b is small.
+pub const MOST_MARGIN: f64 = 1.1;
+
 /// No error limit stops a render before this many samples per pixel: light that
 /// few paths find has to have had its chance.
 pub const MIN_SAMPLES_TO_STOP: u64 = 32;
@@ -228,7 +235,7 @@ impl<'a> Job<'a> {
             }
             if let (true, Some(limit), Some(reached)) = (looks, self.options.error, error)
                 && next >= MIN_SAMPLES_TO_STOP
-                && reached.at(STOP_MARGIN) <= limit
+                && reached.at(STOP_MARGIN).min(MOST_MARGIN * reached.value) <= limit
             {
                 break Stopped::Error;
             }
