@@ -34,8 +34,8 @@ const CASES: [Case; 5] = [
     Case { scene: "cornell-box", size: [64, 64], halves_from: 16, replicas_from: 16 },
     Case { scene: "veach-mis", size: [80, 45], halves_from: 16, replicas_from: 16 },
     Case { scene: "teapot-env", size: [80, 45], halves_from: 16, replicas_from: 16 },
-    Case { scene: "glass-of-water", size: [64, 36], halves_from: 32, replicas_from: 16 },
-    Case { scene: "veach-ajar", size: [64, 36], halves_from: 16, replicas_from: 40 },
+    Case { scene: "glass-of-water", size: [64, 36], halves_from: 32, replicas_from: 64 },
+    Case { scene: "veach-ajar", size: [64, 36], halves_from: 16, replicas_from: 64 },
 ];
 
 fn long() -> bool {
