@@ -17,7 +17,12 @@ const SCENES: [&str; 3] =
 const SIZE: [(&str, &str); 2] = [("resx", "72"), ("resy", "56")];
 
 fn exr_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64) -> Vec<u8> {
+    replicated_bytes(ready, threads, order, samples, 0)
+}
+
+fn replicated_bytes(ready: &Ready, threads: usize, order: TileOrder, samples: u64, replicas: u32) -> Vec<u8> {
     let mut options = options(samples, 7);
+    options.replicas = replicas;
     (options.threads, options.order, options.layers) = (threads, order, LayerSet::ALL);
     let rendered = ready.render(&options);
     let folder = tempfile::tempdir().expect("a folder");
@@ -44,6 +49,45 @@ fn threads_and_tile_order_do_not_change_a_byte() {
             exr_bytes(&ready, 1, TileOrder::CentreOut, 12),
             "{scene}: one more sample is another picture"
         );
+    }
+}
+
+#[test]
+fn threads_and_tile_order_do_not_change_a_byte_of_replicas() {
+    let ready = Ready::from_file(SCENES[0], &SIZE);
+    for (samples, replicas) in [(3, 4), (37, 16), (70, 64)] {
+        let one = replicated_bytes(&ready, 1, TileOrder::CentreOut, samples, replicas);
+        for (threads, order) in [(2, TileOrder::CentreOut), (5, TileOrder::Shuffled(9))] {
+            let other = replicated_bytes(&ready, threads, order, samples, replicas);
+            assert!(one == other, "{samples} samples, {replicas} replicas, {threads} threads");
+        }
+        assert!(one != exr_bytes(&ready, 1, TileOrder::CentreOut, samples), "other samples");
+    }
+}
+
+/// Replicas are other samples of the same picture: their mean must agree with
+/// that of one set within the noise of both, and each must be as a render of
+/// its own.
+#[test]
+fn replicas_make_the_same_picture() {
+    let ready = Ready::from_file(SCENES[0], &[("resx", "32"), ("resy", "32")]);
+    let picture = |replicas, seed| {
+        let mut options = options(64, seed);
+        options.replicas = replicas;
+        ready.render(&options).film.resolve()
+    };
+    let means =
+        |replicas| -> Vec<f64> { (0..6).map(|seed| render::mean(&picture(replicas, seed))).collect() };
+    let moments = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        (mean, values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (values.len() - 1) as f64)
+    };
+    let plain = moments(&means(0));
+    for replicas in [2, 16] {
+        let other = moments(&means(replicas));
+        let deviation = ((plain.1 + other.1) / 6.0).sqrt();
+        assert!((plain.0 - other.0).abs() < 4.0 * deviation, "{replicas}: {plain:?} {other:?}");
+        assert!(deviation < 0.01 * plain.0, "the test says something: {plain:?} {other:?}");
     }
 }
 

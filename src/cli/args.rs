@@ -90,7 +90,8 @@ pub struct RenderArgs {
     /// Stop after this many seconds of rendering.
     #[arg(long, value_name = "SECONDS", value_parser = parse_positive)]
     pub time: Option<f64>,
-    /// Stop at this relative error, e.g. 0.01.
+    /// Stop when the relative error is at most this, e.g. 0.01: the root of the mean relMSE, with a margin
+    /// for what is uncertain about it.
     #[arg(long, value_name = "REL", value_parser = parse_positive)]
     pub error: Option<f64>,
     /// Seed of all random numbers.
@@ -103,6 +104,10 @@ pub struct RenderArgs {
     /// Threads; 0 is one per core.
     #[arg(long, value_name = "T", default_value_t = 0)]
     pub threads: usize,
+    /// Share the samples of each pixel among this many independent replicas (2 to 64), whose scatter is an
+    /// unbiased error; smooth light gets noisier and the film larger. Without it: two halves of one set.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(2..=64))]
+    pub replicas: Option<u32>,
     /// Layers beside R, G, B, A and error: any of albedo, N, P, Z; or none, which also drops error.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub aov: Vec<Aov>,
@@ -374,6 +379,9 @@ pub struct ReplayArgs {
     /// Seed of the render.
     #[arg(long, value_name = "S", default_value_t = 0)]
     pub seed: u64,
+    /// Replicas of the render, if it had any.
+    #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(2..=64))]
+    pub replicas: Option<u32>,
     /// Sampler of the render.
     #[arg(long, value_name = "NAME", default_value = "sobol", value_parser = parse_sequence)]
     pub sampler: Sequence,

@@ -5,10 +5,11 @@ use std::process::ExitCode;
 use super::args::{ExplainArgs, ReplayArgs};
 use super::load_scene;
 use crate::desc::{Error, Result};
+use crate::film::{Film, Groups, LayerSet};
 use crate::integrator::{Event, Integrator};
 use crate::math::{Rgb, Vec3};
 use crate::render::replay as replay_path;
-use crate::sampling::Sampler;
+use crate::sampling::{Sampler, replica_of};
 use crate::scene::Scene;
 
 /// Prints the plan of a scene.
@@ -17,14 +18,30 @@ pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
     let scene = Scene::build(&desc, &args.scene.build_options())?;
     let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
     if args.json {
-        outln!("{:#}", scene.plan.to_json());
+        let mut plan = scene.plan.to_json();
+        plan["film_bytes"] = Film::bytes_for(&scene.film, FILM_LAYERS, Groups::Halves).into();
+        outln!("{plan:#}");
     } else {
         let [width, height] = scene.film.size;
         outln!("{}", args.scene.scene.display());
         outln!("{width} × {height}, {} spp, integrator {}", scene.samples_per_pixel, integrator.name());
         out!("{}", scene.plan);
+        outln!("film: {}", film_memory(&scene));
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// The layers of a render without `--aov` that the film sums.
+const FILM_LAYERS: LayerSet =
+    LayerSet { alpha: true, error: true, albedo: false, normal: false, position: false, depth: false };
+
+/// What the sums of the film take, without and with replicas.
+fn film_memory(scene: &Scene) -> String {
+    let mega = |replicas| {
+        let bytes = Film::bytes_for(&scene.film, FILM_LAYERS, Groups::of_replicas(replicas));
+        format!("{:.1} MB", bytes as f64 * 1e-6)
+    };
+    format!("{} (with --replicas 16: {}, 64: {})", mega(0), mega(16), mega(64))
 }
 
 /// Prints one path.
@@ -37,12 +54,9 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     if x as u32 >= width || y as u32 >= height {
         return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
     }
-    let path = replay_path(
-        &scene,
-        &integrator,
-        args.pixel,
-        Sampler::new(args.seed, args.pixel, args.sample).with_sequence(args.sampler),
-    );
+    let (seed, within) = replica_of(args.seed, args.replicas.unwrap_or(0), args.sample);
+    let sampler = Sampler::new(seed, args.pixel, within).with_sequence(args.sampler);
+    let path = replay_path(&scene, &integrator, args.pixel, sampler);
     let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();
     outln!(
         "pixel {x},{y} sample {} seed {}: film position {:.6}, {:.6}",

@@ -8,7 +8,7 @@ use super::args::{Curve, RenderArgs};
 use super::load_scene;
 use super::progress::Progress;
 use crate::desc::{Error, Result};
-use crate::film::Picture;
+use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
 use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
 use crate::sampling::Sequence;
@@ -36,6 +36,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         }),
         time: args.time.map(Duration::from_secs_f64),
         error: args.error,
+        replicas: args.replicas.unwrap_or(0),
         seed: args.seed,
         sequence: args.sampler,
         threads: args.threads,
@@ -125,6 +126,10 @@ fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, ope
     let [width, height] = scene.film.size;
     let until = if open_ended { String::new() } else { format!(", {} spp", options.samples_per_pixel) };
     eprintln!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
+    if options.replicas > 0 {
+        let bytes = Film::bytes_for(&scene.film, options.layers, Groups::of_replicas(options.replicas));
+        eprintln!("{} replicas: the film takes {:.1} MB", options.replicas, bytes as f64 * 1e-6);
+    }
     eprintln!(
         "sampler: {} (the file says `{}`; its sample count is used)",
         options.sequence.name(),
@@ -140,7 +145,8 @@ fn header(
     hash: u64,
 ) -> Header {
     let text = |name: &str, value: String| (format!("etendue/{name}"), value);
-    Header {
+    let [low, high] = stats.relative_error_interval;
+    let mut header = Header {
         attributes: vec![
             text("version", env!("CARGO_PKG_VERSION").to_owned()),
             text("sceneHash", format!("{hash:016x}")),
@@ -152,24 +158,37 @@ fn header(
             text("plan", scene.plan.summary()),
             text("bias", integrator.bias_ledger()),
             text("relativeError", format!("{:.3e}", stats.relative_error)),
+            text("relativeErrorInterval", format!("{low:.3e} {high:.3e}")),
+            text("error", Groups::of_replicas(options.replicas).describe()),
             text("badSamples", stats.bad.summary()),
         ],
         world_to_camera: Some(scene.camera.world_to_camera()),
         world_to_ndc: Some(scene.camera.world_to_ndc()),
         ..Header::default()
+    };
+    if options.replicas > 0 {
+        header.attributes.push(text("replicas", options.replicas.to_string()));
     }
+    // Only where the clock decided what is in the picture: else the same
+    // render gives the same file.
+    if options.time.is_some() {
+        header.attributes.push(text("renderSeconds", format!("{:.3}", stats.wall_seconds)));
+    }
+    header
 }
 
 fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
     if !args.quiet {
         eprintln!(
-            "{}: {} spp in {:.1} s, {:.2} M samples and {:.2} M rays per CPU second, relative error {:.2} %",
+            "{}: {} spp in {:.1} s, {:.2} M samples and {:.2} M rays per CPU second, relative error {:.2} % (95 %: {:.2} to {:.2} %)",
             stats.stopped.reason(),
             stats.samples_per_pixel,
             stats.wall_seconds,
             stats.samples as f64 / stats.cpu_seconds.max(1e-9) * 1e-6,
             stats.counters.rays() as f64 / stats.cpu_seconds.max(1e-9) * 1e-6,
             stats.relative_error * 100.0,
+            stats.relative_error_interval[0] * 100.0,
+            stats.relative_error_interval[1] * 100.0,
         );
     }
     if stats.stopped == Stopped::Interrupted {
@@ -186,12 +205,14 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
         Sequence::Sobol => String::new(),
         other => format!(" --sampler {}", other.name()),
     };
+    let replicas = args.replicas.map_or(String::new(), |r| format!(" --replicas {r}"));
     for (x, y, index) in &stats.bad.located {
         eprintln!(
-            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{}",
+            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{}{}",
             args.scene.scene.display(),
             args.seed,
-            sampler
+            sampler,
+            replicas
         );
     }
     if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }

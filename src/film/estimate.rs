@@ -1,34 +1,34 @@
-//! How wrong the picture is.
+//! How wrong each pixel is.
 //!
-//! Let A and B be the means of a pixel's two halves, with weights W_A and W_B
-//! and W = W_A + W_B. If both halves are independent with variance c/W_A and
-//! c/W_B, the pixel's mean M = (W_A·A + W_B·B)/W has variance c/W, and
+//! The samples of a pixel are kept apart in groups whose means scatter; from
+//! that follows c, the variance of a mean of weight 1 ([`super::Groups`]), and the
+//! error of the pixel is √(c/W) with W the sum of its weights.
 //!
-//!   (A − B)² · W_A·W_B/W²    (that is, ((A − B)/2)² for equal halves)
+//! Halves give c one degree of freedom only. So it is pooled: averaged over the
+//! 5 × 5 neighbours with the binomial weights (1, 4, 6, 4, 1)/16, which makes
+//! about 13 of it. Replicas have 15 for R = 16, of which a normal interval still
+//! covers 93 % where it says 95 % (Student's t), and much less around caustics,
+//! where most pixels have not seen a bright path yet but a neighbour has; so
+//! they are pooled in the same way. Pooling is biased where the noise changes
+//! within two pixels.
 //!
-//! has that as its expectation: it is an unbiased estimate from one degree of
-//! freedom. So it is pooled: c is averaged over the 5 × 5 neighbours with the
-//! binomial weights (1, 4, 6, 4, 1)/16 (about 13 degrees of freedom), and the
-//! error is √(c/W). The halves of an Owen-scrambled set are stratified against
-//! each other: their difference then says more than the error of the mean, so
-//! that the estimate is conservative. It is biased where the noise changes
-//! within two pixels. A crop sums the neighbours of its edge too.
+//! Where no pixel of the neighbourhood has samples in two groups (one sample
+//! per pixel), the variance of the pixel means over the 3 × 3 neighbours stands
+//! in. It takes the structure of the picture for noise, and filters that
+//! overlap hide some of the noise: a rough figure. Without any neighbour, and
+//! for a pixel without weight, the error is infinite.
 //!
-//! Where no pixel of the neighbourhood has samples in both halves (one or two
-//! samples per pixel), the variance of the pixel means over the 3 × 3
-//! neighbours stands in. It takes the structure of the picture for noise, and
-//! filters that overlap hide some of the noise: a rough figure. Without any
-//! neighbour, and for a pixel without weight, the error is infinite.
+//! How often the truth lies within what is stated: `tests/calibration.rs`.
 
 use std::collections::VecDeque;
 
 use super::spec::POOL_REACH as REACH;
 use super::sums::{Film, PixelSums};
 
-/// Binomial weights of the pool along an axis.
+/// Weights of the pool along an axis.
 const BINOMIAL: [f64; 2 * REACH + 1] = [1.0, 4.0, 6.0, 4.0, 1.0];
 
-/// One pixel: its mean, and the estimate of c from its halves if both exist.
+/// One pixel: its mean, and the estimate of c from its groups if there is one.
 struct Noise {
     weight: f64,
     mean: [f64; 3],
@@ -37,52 +37,23 @@ struct Noise {
 
 /// What is known of the error of a pixel.
 pub(super) struct Estimate {
-    /// Variance of the mean, per channel.
+    /// Variance of the mean, per channel, pooled.
     pub variance: [f64; 3],
-    /// Square of the brightness around it.
-    pub square: f64,
+    /// The same from this pixel alone, where that is possible.
+    pub own: [f64; 3],
+    /// Mean of the 3 × 3 neighbours, itself left out; its own mean without any.
+    pub around: [f64; 3],
 }
 
 impl Noise {
     fn of(pixel: &PixelSums) -> Noise {
-        let [a, b] = pixel.halves;
-        let c = (a[0] > 0.0 && b[0] > 0.0).then(|| {
-            [1, 2, 3].map(|k| {
-                let difference = a[k] / a[0] - b[k] / b[0];
-                difference * difference * (a[0] / pixel.weight) * b[0]
-            })
-        });
-        Noise { weight: pixel.weight, mean: pixel.mean, c }
+        Noise { weight: pixel.weight, mean: pixel.mean, c: pixel.noise }
     }
 }
 
 impl Film {
-    /// The relative error of the whole picture: the root of the mean over all
-    /// pixels of e²/(m² + m̄²/100), where e² is the mean of the estimated
-    /// variances of R, G and B, m² the square of their mean, pooled over the
-    /// same neighbours as e² (so that the edge of a lamp is compared with the
-    /// lamp), and m̄ the mean over the picture. The second term keeps dark
-    /// pixels from ruling the figure.
-    ///
-    /// 0 for a black picture; infinite while there are pixels without samples.
-    /// Reads the whole film: call it once per pass, not per tile.
-    #[must_use]
-    pub fn relative_error(&self) -> f64 {
-        let (mut pixels, mut total) = (Vec::with_capacity(self.spec().window().area()), 0.0);
-        self.scan(|means, estimates| {
-            total += means.iter().map(|m| m.iter().sum::<f64>() / 3.0).sum::<f64>();
-            pixels.extend(estimates.iter().map(|e| (e.variance.iter().sum::<f64>() / 3.0, e.square)));
-        });
-        let count = pixels.len() as f64;
-        let floor = 0.01 * (total / count).powi(2);
-        let term = |(variance, square): &(f64, f64)| {
-            if *variance > 0.0 { variance / (square + floor) } else { 0.0 }
-        };
-        (pixels.iter().map(term).sum::<f64>() / count).sqrt()
-    }
-
-    /// Visits the rows of the window in order with the mean and the estimated
-    /// variance of the mean of each pixel.
+    /// Visits the rows of the window in order with the mean of each pixel and
+    /// what is known of its error.
     pub(super) fn scan(&self, mut visit: impl FnMut(&[[f64; 3]], &[Estimate])) {
         let (window, stored) = (self.spec().window(), self.spec().stored());
         let height = stored.height();
@@ -107,14 +78,20 @@ impl Film {
             let estimates: Vec<_> = columns
                 .map(|x| {
                     let at = (x, y - first);
-                    let pool = pooled(&rows, at);
-                    let weight = own.pixels[x].weight;
-                    let known = || pool.c().map(|c| c.map(|c| c / weight)).or_else(|| spread(&rows, at));
-                    let variance = if weight > 0.0 { known() } else { None };
-                    Estimate {
-                        variance: variance.unwrap_or([f64::INFINITY; 3]),
-                        square: pool.square / pool.all,
+                    let pool = weighted(rows.len(), at.1, |j| &rows[j].pools[x]);
+                    let Noise { weight, c, .. } = own.pixels[x];
+                    if weight <= 0.0 {
+                        return Estimate {
+                            variance: [f64::INFINITY; 3],
+                            own: [f64::INFINITY; 3],
+                            around: [0.0; 3],
+                        };
                     }
+                    let over = |c: Option<[f64; 3]>| c.map(|c| c.map(|c| c / weight));
+                    let pooled = over(pool.c()).or_else(|| spread(&rows, at));
+                    let variance = pooled.unwrap_or([f64::INFINITY; 3]);
+                    let around = around(&rows, at);
+                    Estimate { variance, own: over(c).unwrap_or(variance), around }
                 })
                 .collect();
             visit(&means, &estimates);
@@ -134,20 +111,11 @@ struct Pool {
     /// Of c, where there is one, and of its weights.
     c: [f64; 3],
     known: f64,
-    /// Of the square of the mean of R, G and B, and of its weights.
-    square: f64,
-    all: f64,
 }
 
 impl Pool {
     fn of(pixel: &Noise) -> Pool {
-        let square = (pixel.mean.iter().sum::<f64>() / 3.0).powi(2);
-        Pool {
-            c: pixel.c.unwrap_or_default(),
-            known: f64::from(u8::from(pixel.c.is_some())),
-            square,
-            all: 1.0,
-        }
+        Pool { c: pixel.c.unwrap_or_default(), known: f64::from(u8::from(pixel.c.is_some())) }
     }
 
     fn add(&mut self, weight: f64, other: &Pool) {
@@ -155,8 +123,6 @@ impl Pool {
             *sum += weight * c;
         }
         self.known += weight * other.known;
-        self.square += weight * other.square;
-        self.all += weight * other.all;
     }
 
     /// c averaged over the neighbours that have it.
@@ -182,9 +148,20 @@ fn weighted<'a>(count: usize, at: usize, pool: impl Fn(usize) -> &'a Pool) -> Po
     sum
 }
 
-/// What a pixel and its neighbours in both directions have pooled.
-fn pooled(rows: &VecDeque<Row>, (x, y): (usize, usize)) -> Pool {
-    weighted(rows.len(), y, |j| &rows[j].pools[x])
+/// The mean of the nearest neighbours, weighted by 2 along the axes and 1
+/// across.
+fn around(rows: &VecDeque<Row>, (x, y): (usize, usize)) -> [f64; 3] {
+    let (mut sum, mut total) = ([0.0; 3], 0.0);
+    for (j, row) in rows.iter().enumerate().take(y + 2).skip(y.saturating_sub(1)) {
+        for (i, pixel) in row.pixels.iter().enumerate().take(x + 2).skip(x.saturating_sub(1)) {
+            if (i, j) != (x, y) && pixel.weight > 0.0 {
+                let weight = if i == x || j == y { 2.0 } else { 1.0 };
+                sum.iter_mut().zip(pixel.mean).for_each(|(s, m)| *s += weight * m);
+                total += weight;
+            }
+        }
+    }
+    if total > 0.0 { sum.map(|s| s / total) } else { rows[y].pixels[x].mean }
 }
 
 /// The sample variance of the means of the nearest neighbours.

@@ -1,5 +1,6 @@
 //! What a sample carries and which of it the film keeps.
 
+use super::groups::{Groups, PER_GROUP};
 use crate::math::{Rgb, Vec3};
 
 /// Which layers a film keeps beside R, G, B. What is off costs nothing.
@@ -78,15 +79,15 @@ impl PixelSample {
     }
 }
 
-/// Values summed per half: the weight, then weighted R, G, B.
-pub(super) const PER_HALF: usize = 4;
+/// Most values in one pixel beyond the groups.
+pub(super) const MAX_EXTRAS: usize = 10;
 
-/// Most values in one pixel.
-pub(super) const MAX_STRIDE: usize = 2 * PER_HALF + 10;
-
-/// Where the sums of a pixel lie: two halves, then the other layers.
+/// Where the sums of a pixel lie: the groups, then the other layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
+    pub groups: Groups,
+    /// Where the other layers begin.
+    pub extras: usize,
     pub stride: usize,
     pub alpha: Option<usize>,
     pub albedo: Option<usize>,
@@ -95,8 +96,9 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub fn new(layers: LayerSet) -> Layout {
-        let mut stride = 2 * PER_HALF;
+    pub fn new(layers: LayerSet, groups: Groups) -> Layout {
+        let extras = groups.count() * PER_GROUP;
+        let mut stride = extras;
         let mut take = |wanted: bool, count: usize| {
             let at = stride;
             wanted.then(|| stride += count).map(|()| at)
@@ -105,17 +107,17 @@ impl Layout {
         let albedo = take(layers.albedo, 3);
         let normal = take(layers.normal, 3);
         let position = take(layers.position, 3);
-        Layout { stride, alpha, albedo, normal, position }
+        Layout { groups, extras, stride, alpha, albedo, normal, position }
     }
 
-    /// Writes the values of a sample beyond the two halves, in order, and gives
+    /// Writes the values of a sample beyond the groups, in order, and gives
     /// their number; positions are held to ± `limit`.
     #[inline]
-    pub fn extras(&self, sample: &PixelSample, limit: f32, out: &mut [f64; MAX_STRIDE]) -> usize {
+    pub fn write_extras(&self, sample: &PixelSample, limit: f32, out: &mut [f64; MAX_EXTRAS]) -> usize {
         let mut put = |at: Option<usize>, values: &[f32]| {
             if let Some(at) = at {
                 for (k, v) in values.iter().enumerate() {
-                    out[at - 2 * PER_HALF + k] = f64::from(*v);
+                    out[at - self.extras + k] = f64::from(*v);
                 }
             }
         };
@@ -123,6 +125,6 @@ impl Layout {
         put(self.albedo, &sample.albedo.to_array());
         put(self.normal, &sample.normal.to_array());
         put(self.position, &sample.position.clamp(Vec3::splat(-limit), Vec3::splat(limit)).to_array());
-        self.stride - 2 * PER_HALF
+        self.stride - self.extras
     }
 }

@@ -1,4 +1,4 @@
-//! Pixel sums, half sums and layers.
+//! Pixel sums, their groups and layers.
 //!
 //! A pass renders tiles: each [`Tile`] weighs samples into all pixels that the
 //! reconstruction [`Filter`] covers, in f64 and in a fixed order. Then
@@ -8,21 +8,25 @@
 //! a constant pixel keeps its value at any number of samples.
 //!
 //! A pixel is Σ w·L / Σ w over all samples within the filter's reach,
-//! separately in two interleaved halves of the sample set (see
-//! [`crate::sampling::half_of`]), whose difference tells the error of the
-//! pixel ([`Film::relative_error`], layer `error`).
+//! separately in groups of the samples ([`Groups`]: two halves, or independent
+//! replicas), whose differences tell the error of the pixel (layer `error`) and
+//! of the picture ([`Film::relative`]).
 
 mod estimate;
 mod filter;
+mod groups;
 mod layers;
 mod rect;
+mod relative;
 mod spec;
 mod sums;
 mod tile;
 
 pub use filter::Filter;
+pub use groups::{Groups, MAX_REPLICAS};
 pub use layers::{LayerSet, PixelSample};
 pub use rect::Rect;
+pub use relative::RelativeError;
 pub use spec::FilmSpec;
 pub use sums::{Channel, Film, Picture, TILE_SIZE};
 pub use tile::Tile;

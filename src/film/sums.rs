@@ -3,7 +3,8 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::layers::{Layout, PER_HALF};
+use super::groups::{Groups, PER_GROUP, Sums, old_slot};
+use super::layers::{Layout, MAX_EXTRAS};
 use super::tile::{Limits, Tile};
 use super::{FilmSpec, LayerSet, Rect};
 
@@ -20,7 +21,7 @@ const LIMIT_BITS: i32 = 48;
 
 /// A picture in the making. Tiles are merged from any thread, in any order.
 ///
-/// Each pixel holds for each half Σw and Σw·R, Σw·G, Σw·B, and Σw·v for every
+/// Each pixel holds for each group of its samples ([`Groups`]) Σw and Σw·R, Σw·G, Σw·B, and Σw·v for every
 /// filtered layer, as i128 with a quantum of 2^-63 times the scale of the
 /// value: sums up to 2^64 scales are exact.
 pub struct Film {
@@ -75,28 +76,22 @@ impl Film {
     /// overflow. Anything but a finite number above 0 stands for 1.
     #[must_use]
     pub fn new(spec: FilmSpec, layers: LayerSet, radiance_scale: f64) -> Film {
-        Film::with_scales(spec, layers, radiance_scale, 1.0)
+        Film::grouped(spec, layers, radiance_scale, Groups::Halves)
     }
 
-    /// As [`Film::new`], with the order of magnitude of the coordinates that
-    /// layer P sums.
+    /// As [`Film::new`], with the samples kept apart as `groups` says.
     #[must_use]
-    pub fn with_scales(spec: FilmSpec, layers: LayerSet, radiance_scale: f64, position_scale: f64) -> Film {
-        let layout = Layout::new(layers);
-        let (radiance, position) = (power_of_two(radiance_scale), power_of_two(position_scale));
+    pub fn grouped(spec: FilmSpec, layers: LayerSet, radiance_scale: f64, groups: Groups) -> Film {
+        let layout = Layout::new(layers, groups);
+        let radiance = power_of_two(radiance_scale);
         let one = 2f64.powi(FRACTION_BITS);
         let mut units = vec![one; layout.stride];
-        for half in 0..2 {
-            units[half * PER_HALF + 1..(half + 1) * PER_HALF].fill(one / radiance);
-        }
-        if let Some(at) = layout.position {
-            units[at..at + 3].fill(one / position);
+        for group in units[..layout.extras].chunks_exact_mut(PER_GROUP) {
+            group[1..].fill(one / radiance);
         }
         let limit = 2f64.powi(LIMIT_BITS);
-        let limits = Limits {
-            radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32,
-            position: (limit * position).min(f64::from(f32::MAX)) as f32,
-        };
+        let limits =
+            Limits { radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32, position: limit as f32 };
         let window = spec.stored();
         let depth = if layers.depth { window.width() } else { 0 };
         let rows = (0..window.height())
@@ -150,6 +145,22 @@ impl Film {
         Tile::new(rect, self.spec.stored(), self.spec.filter, self.layout, self.layers.depth, self.limits)
     }
 
+    /// To be called before sample `next` of each pixel is merged, and after all
+    /// before it: at powers of two the older of the two newest levels of samples
+    /// joins the old ones. Exact. A film that is not told compares other parts
+    /// of its samples, which are not as well spread.
+    pub fn advance(&self, next: u64) {
+        let Some(slot) = old_slot(next).filter(|_| self.layout.groups == Groups::Halves) else { return };
+        for y in 0..self.rows.len() {
+            for cell in self.row(y).sums.chunks_exact_mut(self.layout.stride) {
+                let (old, levels) = cell.split_at_mut(PER_GROUP);
+                for (sum, level) in old.iter_mut().zip(&mut levels[(slot - 1) * PER_GROUP..]) {
+                    *sum = sum.saturating_add(std::mem::take(level));
+                }
+            }
+        }
+    }
+
     /// Adds the sums of a tile of this film: each is rounded to fixed point
     /// once, then the order of merges does not matter.
     pub fn merge(&self, tile: &Tile) {
@@ -163,6 +174,10 @@ impl Film {
             let cells = row.sums[first * stride..][..sums.len()].chunks_exact_mut(stride);
             for (cell, added) in cells.zip(sums.chunks_exact(stride)) {
                 for ((sum, added), unit) in cell.iter_mut().zip(added).zip(&self.units) {
+                    // Most groups have no sample in a pass.
+                    if *added == 0.0 {
+                        continue;
+                    }
                     match sum.checked_add(to_fixed(*added, *unit)) {
                         Some(total) => *sum = total,
                         None => overflow += 1,
@@ -191,9 +206,15 @@ impl Film {
     /// Heap memory in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        let pixel =
-            self.layout.stride * size_of::<i128>() + usize::from(self.layers.depth) * size_of::<f32>();
-        self.spec.stored().area() * pixel
+        Film::bytes_for(&self.spec, self.layers, self.layout.groups)
+    }
+
+    /// Heap memory in bytes of a film that is yet to be made.
+    #[must_use]
+    pub fn bytes_for(spec: &FilmSpec, layers: LayerSet, groups: Groups) -> usize {
+        let stride = Layout::new(layers, groups).stride;
+        let pixel = stride * size_of::<i128>() + usize::from(layers.depth) * size_of::<f32>();
+        spec.stored().area() * pixel
     }
 
     /// The picture as it is now. A pixel whose weights do not sum to more than
@@ -218,7 +239,7 @@ impl Film {
                     channel.data.push(value as f32);
                 }
                 if self.layers.depth {
-                    let at = 3 + self.layout.stride - 2 * PER_HALF;
+                    let at = 3 + self.layout.stride - self.layout.extras;
                     channels[at].data.push(row.depth[x]);
                 }
             }
@@ -264,20 +285,25 @@ impl Film {
         self.row(y).sums.chunks_exact(self.layout.stride).map(|cell| self.pixel(cell)).collect()
     }
 
-    /// The sums of a pixel as floats. Both halves are added before rounding.
+    /// The sums of a pixel as floats. All groups are added before rounding.
     fn pixel(&self, cell: &[i128]) -> PixelSums {
-        let value = |k: usize| cell[k] as f64 / self.units[k];
-        let both = |k: usize| cell[k].saturating_add(cell[k + PER_HALF]) as f64 / self.units[k];
-        let weight = both(0);
+        let (groups, others) = cell.split_at(self.layout.extras);
+        let (units, other_units) = self.units.split_at(self.layout.extras);
+        let total: [f64; PER_GROUP] = std::array::from_fn(|k| {
+            let sums = groups.iter().skip(k).step_by(PER_GROUP);
+            sums.fold(0_i128, |a, b| a.saturating_add(*b)) as f64 / units[k]
+        });
+        let weight = total[0];
         let over = |sum: f64| if weight > 0.0 { sum / weight } else { 0.0 };
-        let mut extras = [0.0; super::layers::MAX_STRIDE];
-        for k in 2 * PER_HALF..self.layout.stride {
-            extras[k - 2 * PER_HALF] = over(value(k));
+        let mut extras = [0.0; MAX_EXTRAS];
+        for ((out, sum), unit) in extras.iter_mut().zip(others).zip(other_units) {
+            *out = over(*sum as f64 / unit);
         }
+        let float = |sums: &[i128]| -> Sums { std::array::from_fn(|k| sums[k] as f64 / units[k]) };
         PixelSums {
             weight,
-            mean: [1, 2, 3].map(|k| over(both(k))),
-            halves: [0, PER_HALF].map(|h| [value(h), value(h + 1), value(h + 2), value(h + 3)]),
+            mean: [1, 2, 3].map(|k| over(total[k])),
+            noise: self.layout.groups.noise(groups.chunks_exact(PER_GROUP).map(float)),
             extras,
         }
     }
@@ -286,18 +312,19 @@ impl Film {
 /// What is known of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelSums {
-    /// Sum of weights over both halves.
+    /// Sum of weights over all samples.
     pub weight: f64,
     /// Weighted mean of R, G, B; 0 without weight.
     pub mean: [f64; 3],
-    /// Σw, Σw·R, Σw·G, Σw·B of each half.
-    pub halves: [[f64; PER_HALF]; 2],
-    extras: [f64; super::layers::MAX_STRIDE],
+    /// Variance of a mean of weight 1, from its groups alone; nothing when
+    /// fewer than two of them have samples.
+    pub noise: Option<[f64; 3]>,
+    extras: [f64; MAX_EXTRAS],
 }
 
 impl PixelSums {
     fn layers(self, layout: &Layout) -> impl Iterator<Item = f64> {
-        self.extras.into_iter().take(layout.stride - 2 * PER_HALF)
+        self.extras.into_iter().take(layout.stride - layout.extras)
     }
 }
 

@@ -1,10 +1,10 @@
 //! The sums of one pass over one tile.
 
 use super::filter::{Filter, MAX_TAPS, Taps};
-use super::layers::{Layout, MAX_STRIDE, PER_HALF, PixelSample};
+use super::groups::PER_GROUP;
+use super::layers::{Layout, MAX_EXTRAS, PixelSample};
 use super::rect::Rect;
 use crate::math::Vec2;
-use crate::sampling::half_of;
 
 /// Sums of weighted samples, in f64, over the pixels of a tile and those
 /// around it that its samples reach. Made by [`super::Film::tile`], reused by
@@ -23,8 +23,8 @@ pub struct Tile {
     pub(super) overflow: u64,
     /// Room for the weights of one sample along x and y.
     scratch: [[f64; MAX_TAPS]; 2],
-    /// Room for what a sample adds beyond the two halves.
-    extras: [f64; MAX_STRIDE],
+    /// Room for what a sample adds beyond the groups.
+    extras: [f64; MAX_EXTRAS],
 }
 
 /// Largest values a sample may have, so that sums stay in range.
@@ -55,7 +55,7 @@ impl Tile {
             depth: Vec::new(),
             overflow: 0,
             scratch: [[0.0; MAX_TAPS]; 2],
-            extras: [0.0; MAX_STRIDE],
+            extras: [0.0; MAX_EXTRAS],
         };
         tile.reset(rect);
         tile
@@ -108,16 +108,17 @@ impl Tile {
         let (columns, rows) = (self.filter.taps(offset.x, scratch_x), self.filter.taps(offset.y, scratch_y));
         let Some((x0, wx)) = clip(&columns, pixel.0, self.area.min.0, self.area.max.0) else { return };
         let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return };
-        let half = half_of(index) * PER_HALF;
+        let group = self.layout.groups.of(index) * PER_GROUP;
         let [r, g, b] = sample.rgb.as_dvec3().to_array();
-        let count = self.layout.extras(sample, self.limits.position, &mut self.extras);
+        let count = self.layout.write_extras(sample, self.limits.position, &mut self.extras);
         let (values, extras) = ([1.0, r, g, b], &self.extras[..count]);
-        let stride = self.layout.stride;
+        let (stride, first_extra) = (self.layout.stride, self.layout.extras);
         for (row, wy) in wy.iter().enumerate() {
             let first = self.area.index((x0, y0 + row as i32)) * stride;
             let cells = self.sums[first..first + wx.len() * stride].chunks_exact_mut(stride);
             for (cell, wx) in cells.zip(wx) {
-                splat(cell, wx * wy, half, &values, extras);
+                let (groups, others) = cell.split_at_mut(first_extra);
+                splat(&mut groups[group..group + PER_GROUP], others, wx * wy, (&values, extras));
             }
         }
     }
@@ -125,11 +126,11 @@ impl Tile {
 
 /// Adds weighted values to the sums of one pixel.
 #[inline(always)]
-fn splat(cell: &mut [f64], weight: f64, half: usize, values: &[f64; PER_HALF], extras: &[f64]) {
-    for (sum, value) in cell[half..half + PER_HALF].iter_mut().zip(values) {
+fn splat(group: &mut [f64], others: &mut [f64], weight: f64, (values, extras): (&[f64; PER_GROUP], &[f64])) {
+    for (sum, value) in group.iter_mut().zip(values) {
         *sum += weight * value;
     }
-    for (sum, value) in cell[2 * PER_HALF..].iter_mut().zip(extras) {
+    for (sum, value) in others.iter_mut().zip(extras) {
         *sum += weight * value;
     }
 }

@@ -5,23 +5,30 @@ use crate::film::Rect;
 
 /// Samples per pixel of the pass that begins at sample `next`. A function of
 /// the index alone: how often somebody looked at the clock must not change a
-/// picture's last bit.
-pub fn size(next: u64) -> u64 {
+/// picture's last bit. A pass with more than eight replicas has a sample for
+/// each, since the sums of all of them are added to the film after it.
+pub fn size(next: u64, replicas: u32) -> u64 {
+    let step = u64::from(replicas).next_multiple_of(8).max(8);
     match next {
         0 => 1,
         1..8 => next,
-        _ => 8 - next % 8,
+        _ => step - next % step,
     }
 }
 
 /// Fewer samples say nothing about the error.
 pub const MIN_SAMPLES_FOR_ERROR: u64 = 8;
 
-/// The error is estimated after these many samples. For a limit to be met, at
-/// steps of at most an eighth; to be shown, at powers of two.
-pub fn checks_error(next: u64, limited: bool) -> bool {
-    let step = if limited { 1 << (next / 8).max(1).ilog2() } else { next.max(1).next_power_of_two() };
-    next >= MIN_SAMPLES_FOR_ERROR && next.is_multiple_of(step)
+/// The error is estimated when a pass goes `from` so many samples to `next`.
+/// For a limit to be met, at steps of at most an eighth; to be shown, at powers
+/// of two.
+pub fn checks_error(from: u64, next: u64, limited: bool) -> bool {
+    if next < MIN_SAMPLES_FOR_ERROR {
+        return false;
+    }
+    let octave = next.ilog2();
+    let step = 1 << if limited && octave > 4 { octave - 3 } else { octave };
+    from / step < next / step
 }
 
 /// Sorts tiles into the order in which they are begun.
@@ -60,19 +67,21 @@ mod tests {
         let mut ends = Vec::new();
         let mut next = 0;
         while next < 40 {
-            next += size(next);
+            next += size(next, 0);
             ends.push(next);
         }
         assert_eq!(ends, [1, 2, 4, 8, 16, 24, 32, 40]);
-        assert_eq!(size(13), 3);
+        assert_eq!((size(13, 0), size(13, 8), size(16, 16), size(24, 17)), (3, 3, 16, 24));
     }
 
     #[test]
     fn the_error_is_estimated_ever_more_rarely() {
-        let at = |limited| (1..=512).filter(|n| checks_error(*n, limited)).collect::<Vec<_>>();
+        let at = |limited| (1..=512).filter(|n| checks_error(n - 1, *n, limited)).collect::<Vec<_>>();
         assert_eq!(at(false), [8, 16, 32, 64, 128, 256, 512]);
         let steps = at(true);
-        assert_eq!(steps[..3], [8, 9, 10]);
-        assert!(steps.windows(2).all(|w| (w[1] - w[0]) * 8 <= w[0]), "{steps:?}");
+        assert_eq!(steps[..4], [8, 16, 32, 36]);
+        assert!(steps[2..].windows(2).all(|w| (w[1] - w[0]) * 8 <= w[0]), "{steps:?}");
+        // Whatever the passes are, no look is lost for long.
+        assert!(checks_error(120, 144, true) && checks_error(126, 129, false));
     }
 }

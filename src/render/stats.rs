@@ -96,8 +96,14 @@ pub struct RenderStats {
     pub counters: Counters,
     /// Samples left out.
     pub bad: BadSamples,
-    /// Relative error of the picture, see `Film::relative_error`.
+    /// Relative error of the picture, see `Film::relative`.
     pub relative_error: f64,
+    /// The interval that holds it with a probability of 95 %.
+    pub relative_error_interval: [f64; 2],
+    /// Effective number of pixels that the estimate rests on.
+    pub effective_pixels: f64,
+    /// Memory of the film's sums.
+    pub film_bytes: usize,
     /// Why it ended.
     pub stopped: Stopped,
 }
@@ -125,6 +131,9 @@ impl RenderStats {
             "samples_per_cpu_second": self.samples as f64 / self.cpu_seconds.max(1e-9),
             "rays_per_cpu_second": c.rays() as f64 / self.cpu_seconds.max(1e-9),
             "relative_error": self.relative_error,
+            "relative_error_interval": self.relative_error_interval,
+            "effective_pixels": self.effective_pixels,
+            "film_bytes": self.film_bytes,
             "stopped": self.stopped.reason(),
             "peak_memory_bytes": peak_memory_bytes(),
             "bad_samples": {

@@ -6,13 +6,15 @@
 
 mod alias;
 mod mis;
+mod replicas;
 mod sampler;
 mod sobol;
 mod warp;
 
 pub use alias::{AliasSample, AliasTable};
 pub use mis::{balance_heuristic, power_heuristic};
-pub use sampler::{Sampler, Sequence, half_of};
+pub use replicas::replica_of;
+pub use sampler::{Sampler, Sequence};
 pub use warp::{
     UNIFORM_SPHERE_PDF, concentric_disk, cosine_hemisphere, cosine_hemisphere_pdf, uniform_cone,
     uniform_cone_pdf, uniform_sphere, uniform_triangle,

@@ -166,18 +166,6 @@ impl Sampler {
     }
 }
 
-/// Which of the two interleaved halves of a pixel's set a sample belongs to: 0
-/// or 1. Inside a block of 16 the parity of every second bit of the index, so
-/// that both are well spread; from block to block the two change places by a
-/// hash. Without that the halves would be a fixed linear function of the index
-/// bits, which in four Sobol' dimensions is also a digit of a coordinate: the
-/// difference of the halves then stays at some 0.19 of the integrand's range
-/// for any number of samples (measured for all of 0xaaaa…, 0x5555…, 0xcccc…).
-#[must_use]
-pub fn half_of(index: u64) -> usize {
-    ((u64::from((index & 0xa).count_ones()) ^ mix(index >> 4)) & 1) as usize
-}
-
 /// Two bit-reversed values, scrambled with the halves of the seed, as floats.
 fn scrambled_2d([x, y]: [u32; 2], seed: u64) -> Vec2 {
     let x = owen_reversed(x, seed as u32);
@@ -194,7 +182,7 @@ fn unit_float(bits: u32) -> f32 {
 /// A bijective 64-bit hash: the output function of SplitMix64 (Steele et al.
 /// 2014, "Fast Splittable Pseudorandom Number Generators", variant 13 of
 /// Stafford's constants).
-fn mix(mut x: u64) -> u64 {
+pub(super) fn mix(mut x: u64) -> u64 {
     x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -204,15 +192,6 @@ fn mix(mut x: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn halves_are_equal_and_interleaved() {
-        for block in 0..16u64 {
-            let ones: usize = (16 * block..16 * block + 16).map(half_of).sum();
-            assert_eq!(ones, 8);
-        }
-        assert_eq!([0, 1, 2, 3, 8, 10].map(|i| half_of(i) ^ half_of(0)), [0, 0, 1, 1, 1, 0]);
-    }
 
     #[test]
     fn hash_differs_in_half_of_the_bits() {

@@ -233,6 +233,7 @@ impl Bench {
             samples_per_pixel,
             time,
             error: None,
+            replicas: 0,
             seed,
             sequence: candidate.sequence,
             threads: self.plan.threads,

@@ -22,6 +22,7 @@ pub fn options(samples_per_pixel: u64, seed: u64) -> RenderOptions {
         samples_per_pixel,
         time: None,
         error: None,
+        replicas: 0,
         seed,
         sequence: Sequence::Sobol,
         threads: 0,
