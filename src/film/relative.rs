@@ -14,9 +14,9 @@
 //! make up for the single degree of freedom of each. b must not be taken from
 //! the noise that it is compared with: a pixel that one firefly has lit is dark
 //! and wrong, not bright. So b is the mean of the neighbours, held between the
-//! pixel's mean M and M − √v̂ (its lesser half). Over five scenes and 128 to 2048
-//! samples the estimate was 0.96 to 1.12 times the truth where that was under
-//! 20 %; with M² for b² it was 0.56.
+//! pixel's mean M and M − √v̂ (its lesser half). Measured against the truth:
+//! `record/calibration.md`. It is right to a few percent but where fireflies in
+//! dark pixels rule the error: there up to a factor of two too small.
 //!
 //! The terms of pixels are independent but for the filter's overlap, which makes
 //! w = Σ ρ² of them share their noise (ρ the correlation of neighbours). With d
