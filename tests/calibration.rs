@@ -32,12 +32,13 @@ struct Case {
     replicas_from: u64,
 }
 
-const CASES: [Case; 5] = [
+const CASES: [Case; 6] = [
     Case { scene: "cornell-box", size: [64, 64], halves_from: 16, replicas_from: 16 },
     Case { scene: "veach-mis", size: [80, 45], halves_from: 16, replicas_from: 16 },
     Case { scene: "teapot-env", size: [80, 45], halves_from: 16, replicas_from: 16 },
     Case { scene: "glass-of-water", size: [64, 36], halves_from: 32, replicas_from: 64 },
     Case { scene: "veach-ajar", size: [64, 36], halves_from: 16, replicas_from: 32 },
+    Case { scene: "teapot-dof", size: [80, 45], halves_from: 16, replicas_from: 16 },
 ];
 
 fn long() -> bool {

@@ -24,11 +24,13 @@ struct Case {
     short: Option<f64>,
 }
 
-const CASES: [Case; 4] = [
+const CASES: [Case; 6] = [
     Case { scene: "cornell-box", size: ["48", "48"], short: Some(0.05) },
     Case { scene: "teapot-env", size: ["64", "36"], short: Some(0.04) },
     Case { scene: "veach-mis", size: ["48", "27"], short: None },
     Case { scene: "glass-of-water", size: ["32", "18"], short: Some(0.2) },
+    Case { scene: "teapot-dof", size: ["64", "36"], short: None },
+    Case { scene: "cornell-original", size: ["48", "48"], short: None },
 ];
 
 /// A run that stopped by itself, and the same seed with fewer samples.
