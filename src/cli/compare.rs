@@ -50,6 +50,7 @@ fn to_json(m: &Metrics, report: Option<&ZReport>) -> serde_json::Value {
         "smape": m.smape,
         "psnr": m.psnr,
         "flip": m.flip,
+        "flip_ldr": m.flip_ldr,
         "skipped": m.skipped,
     });
     if let Some(r) = report {

@@ -128,6 +128,8 @@ pub struct Metrics {
     pub psnr: f64,
     /// Mean HDR-FLIP, see [`flip_hdr`].
     pub flip: f64,
+    /// Mean FLIP of the pictures clamped to [0, 1], see [`flip_ldr`].
+    pub flip_ldr: f64,
     /// Values left out because one of the two is NaN or infinite. FLIP reads
     /// them as 0.
     pub skipped: usize,
@@ -140,6 +142,7 @@ pub fn metrics(pair: &Pair<'_>) -> Metrics {
     let (count, sum) = values.clone().fold((0_usize, 0.0), |(n, sum), (_, b)| (n + 1, sum + b));
     let mut all = pixel_metrics(values, (sum / count as f64).abs());
     all.flip = flip_hdr(pair).mean;
+    all.flip_ldr = mean_of(&flip_ldr(pair));
     all.skipped = pair.image.data.len() - count;
     all
 }
@@ -170,6 +173,7 @@ pub(super) fn pixel_metrics(values: impl Iterator<Item = (f64, f64)>, mean: f64)
         smape: smape / n,
         psnr: 10.0 * (peak * peak / mse).log10(),
         flip: f64::NAN,
+        flip_ldr: f64::NAN,
         skipped: 0,
     }
 }
@@ -178,6 +182,11 @@ pub(super) fn pixel_metrics(values: impl Iterator<Item = (f64, f64)>, mean: f64)
 /// that mean.
 pub(super) fn relative_square(square: f64, b: f64, mean: f64) -> f64 {
     ratio(square, b * b + RELATIVE_FLOOR * mean * mean)
+}
+
+/// Mean of a map.
+fn mean_of(map: &[f32]) -> f64 {
+    map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64
 }
 
 /// a / b, and 0 where both are 0 (a black pixel in a black picture).
@@ -192,7 +201,7 @@ impl fmt::Display for Metrics {
         writeln!(f, "MAPE     {:.4} %", 100.0 * self.mape)?;
         writeln!(f, "SMAPE    {:.4} %", 100.0 * self.smape)?;
         writeln!(f, "PSNR     {:.2} dB", self.psnr)?;
-        write!(f, "FLIP     {:.6} (HDR, mean)", self.flip)?;
+        write!(f, "FLIP     {:.6} (HDR, mean; LDR {:.6})", self.flip, self.flip_ldr)?;
         if self.skipped > 0 {
             write!(f, "\n{} values are not finite in one of the two and were left out", self.skipped)?;
         }
