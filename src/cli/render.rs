@@ -132,7 +132,7 @@ fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, ope
     }
     eprintln!(
         "sampler: {} (the file says `{}`; its sample count is used)",
-        options.sequence.name(),
+        options.sequence.describe(),
         scene.plan.file_sampler
     );
 }

@@ -58,6 +58,17 @@ impl Sequence {
         }
     }
 
+    /// What it is, for messages.
+    #[must_use]
+    pub fn describe(self) -> &'static str {
+        match self {
+            Sequence::Sobol => "Owen-scrambled Sobol",
+            Sequence::Padded => "Owen-scrambled Sobol, all of it padded in 2D",
+            Sequence::Lattice => "shuffled and shifted lattices",
+            Sequence::Independent => "independent random numbers",
+        }
+    }
+
     /// The sequence of that name.
     #[must_use]
     pub fn named(name: &str) -> Option<Sequence> {
