@@ -147,7 +147,7 @@ pub fn time_to(rungs: &[Rung]) -> Vec<TimeTo> {
             }
             let fitted = |at: &[At]| slope(at.iter().map(|p| (p.time, p.error)));
             if at.len() < 3 || fitted(&at) > EXTRAPOLATED {
-                return TimeTo { error, cpu: unknown, extrapolated: true };
+                return TimeTo { error, cpu: unknown, extrapolated: false };
             }
             // From the nearer end along the fitted slope.
             let from = if at[0].error < level { 0 } else { at.len() - 1 };

@@ -257,7 +257,7 @@ pub struct TimeTo {
     /// 0.01 or 0.005.
     #[serde(with = "nullable")]
     pub error: f64,
-    /// CPU seconds; NaN when it cannot be told.
+    /// CPU seconds; NaN when it cannot be told, as for a curve that stalls.
     pub cpu: Interval,
     /// Beyond the measured range: taken from the slope.
     pub extrapolated: bool,

@@ -294,6 +294,13 @@ impl Plan {
                 scene.name = scene_name(&scene.file);
             }
         }
+        if self.repeats < 3
+            && let Some(scene) = self.scenes.iter().find(|s| s.reference.is_none())
+        {
+            let message =
+                format!("scene `{}` has no reference: its error is the spread of the runs", scene.name);
+            return Err(Error::new(message).hint("three `repeats` at least, or a `reference`"));
+        }
         let names: Vec<&str> = self.scenes.iter().map(|s| s.name.as_str()).collect();
         if let Some(twice) = names.iter().enumerate().find(|(i, n)| names[..*i].contains(n)) {
             return Err(Error::new(format!("two scenes are called `{}`", twice.1))
