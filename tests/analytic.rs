@@ -44,15 +44,32 @@ fn sensor((from, to): ([f64; 3], [f64; 3])) -> String {
     )
 }
 
+/// Mean and standard error of independent values.
+fn mean_and_error(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let m = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (n - 1.0);
+    (m, (variance / n).sqrt())
+}
+
+/// All (mean, standard error) are of the same thing, and well enough known.
+fn assert_equal(all: &[(f64, f64)]) {
+    for (a, se_a) in all {
+        for (b, se_b) in all {
+            let se = se_a.hypot(*se_b);
+            assert!(se < 3e-3 * a, "inconclusive: {all:?}");
+            assert!((a - b).abs() <= 4.0 * se, "{all:?}");
+        }
+    }
+}
+
 fn check(case: &Case) {
     let xml = format!(r#"<scene version="3.0.0">{}{}</scene>"#, sensor(case.camera), case.body);
     for integrator in case.integrators {
         for &accel in accelerators() {
             let ready = Ready::from_xml(&xml, Some(integrator), Some(accel));
             let means: Vec<f64> = (0..SEEDS).map(|s| mean(&ready.picture(case.samples, s))).collect();
-            let m = means.iter().sum::<f64>() / SEEDS as f64;
-            let variance = means.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
-            let se = (variance / SEEDS as f64).sqrt();
+            let (m, se) = mean_and_error(&means);
             let what =
                 format!("{} with {integrator}, {accel}: {m} ± {se}, expected {}", case.name, case.expected);
             assert!(se <= 3e-3 * case.expected.abs().max(1e-9), "inconclusive: {what}");
@@ -308,18 +325,10 @@ fn strategies_agree() {
     let estimate = |light, bsdf| {
         let ready = Ready::from_xml(&scene(light, bsdf), None, None);
         let means: Vec<f64> = (0..SEEDS).map(|s| mean(&ready.picture(8192, s))).collect();
-        let m = means.iter().sum::<f64>() / SEEDS as f64;
-        let v = means.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
-        (m, (v / SEEDS as f64).sqrt())
+        mean_and_error(&means)
     };
     let all = [estimate(1, 0), estimate(0, 1), estimate(1, 1), estimate(3, 2)];
-    for (a, se_a) in all {
-        for (b, se_b) in all {
-            let se = se_a.hypot(se_b);
-            assert!(se < 3e-3 * a, "inconclusive: {all:?}");
-            assert!((a - b).abs() <= 4.0 * se, "{all:?}");
-        }
-    }
+    assert_equal(&all);
 }
 
 /// The sphere light and the sky of [`strategies_agree`], with every sampler.
@@ -340,17 +349,9 @@ fn samplers_agree() {
                 mean(&ready.render(&options).film.resolve())
             })
             .collect();
-        let m = means.iter().sum::<f64>() / SEEDS as f64;
-        let v = means.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (SEEDS - 1) as f64;
-        (m, (v / SEEDS as f64).sqrt())
+        mean_and_error(&means)
     });
-    for (a, se_a) in all {
-        for (b, se_b) in all {
-            let se = se_a.hypot(se_b);
-            assert!(se < 3e-3 * a, "inconclusive: {all:?}");
-            assert!((a - b).abs() <= 4.0 * se, "{all:?}");
-        }
-    }
+    assert_equal(&all);
 }
 
 #[test]

@@ -223,4 +223,17 @@ fn messages() {
     };
     assert!(with_plan(&["--vary", "sampler=sobol"]).contains("`--vary` goes with a scene"));
     assert!(with_plan(&[]).contains("there is no scene `x`"));
+    assert!(message(&["--repeats", "2"]).contains("three `repeats` at least"));
+    assert!(message(&["--series", "as the file says=f"]).contains("is taken"));
+}
+
+#[test]
+fn layers_without_a_reference_are_measured() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("report");
+    let mut c = command(&root().join("scenes/cornell-box/scene.xml"), &out);
+    c.args(["--size", "16x16", "--spp", "4", "--repeats", "3", "--layers", "albedo", "-q"]);
+    let done = finish(c);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+    assert_eq!(study(&out).scenes[0].targets, ["colour", "albedo"]);
 }

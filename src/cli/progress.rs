@@ -30,6 +30,17 @@ pub fn interrupted() -> bool {
     INTERRUPTS.load(Ordering::SeqCst) > 0
 }
 
+/// A bar of a thousand steps; nothing where stderr is no terminal.
+pub fn new_bar(quiet: bool) -> Option<ProgressBar> {
+    (!quiet && std::io::stderr().is_terminal()).then(|| {
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}") {
+            bar.set_style(style);
+        }
+        bar
+    })
+}
+
 /// Shows how far a render is.
 pub struct Progress {
     bar: Option<ProgressBar>,
@@ -46,17 +57,10 @@ impl Progress {
     /// `unlimited` when the number of samples is no limit.
     pub fn new(quiet: bool, time_limit: Option<Duration>, unlimited: bool) -> Progress {
         catch_interrupts();
-        let terminal = std::io::stderr().is_terminal();
-        let bar = (!quiet && terminal).then(|| {
-            let bar = ProgressBar::new(1000);
-            if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        });
+        let bar = new_bar(quiet);
         Progress {
+            plain: !quiet && bar.is_none(),
             bar,
-            plain: !quiet && !terminal,
             start: Instant::now(),
             time_limit,
             unlimited,

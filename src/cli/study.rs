@@ -1,12 +1,11 @@
 //! `etendue study`.
 
-use std::io::IsTerminal;
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::args::StudyArgs;
 use super::progress;
@@ -121,15 +120,8 @@ struct Progress {
 impl Progress {
     fn new(quiet: bool) -> Progress {
         progress::catch_interrupts();
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let bar = ProgressBar::new(1000);
-            if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}") {
-                bar.set_style(style);
-            }
-            bar
-        });
         Progress {
-            bar,
+            bar: progress::new_bar(quiet),
             quiet,
             start: Instant::now(),
             next_line: AtomicU64::new(0),

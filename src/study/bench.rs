@@ -96,6 +96,8 @@ pub struct Bench {
     /// The scenes.
     pub subjects: Vec<Subject>,
     folder: PathBuf,
+    /// Hash of the program: another build may make other pictures, in another time.
+    program: u64,
 }
 
 /// One run to do: indices of subject, candidate and budget, and the repeat.
@@ -121,7 +123,7 @@ impl Bench {
             .iter()
             .map(|scene| Subject::new(scene, &plan.layers, &configurations, watch))
             .collect::<Result<_>>()?;
-        Ok(Bench { plan, budgets, subjects, folder: folder.to_owned() })
+        Ok(Bench { plan, budgets, subjects, folder: folder.to_owned(), program: program() })
     }
 
     /// Runs what the ledger does not have yet. False when it was stopped.
@@ -191,8 +193,8 @@ impl Bench {
         let subject = &self.subjects[task.subject];
         let candidate = &subject.candidates[task.candidate];
         let text = format!(
-            "{} {:016x} {:?} {:?} {:?} {} {} {:?} {} {}",
-            env!("CARGO_PKG_VERSION"),
+            "{:016x} {:016x} {:?} {:?} {:?} {} {} {:?} {} {}",
+            self.program,
             candidate.scene.hash,
             subject.plan.size,
             subject.plan.crop,
@@ -459,6 +461,14 @@ impl Monitor for Stopper<'_> {
     fn stop(&self) -> bool {
         self.0.stop()
     }
+}
+
+/// Hash of the running program; of its version where it cannot be read.
+fn program() -> u64 {
+    let bytes = std::env::current_exe().and_then(std::fs::read);
+    let mut hash = Fnv::default();
+    hash.bytes(&bytes.unwrap_or_else(|_| env!("CARGO_PKG_VERSION").into()));
+    hash.value()
 }
 
 fn hash_of(text: &str) -> u64 {

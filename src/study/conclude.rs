@@ -168,11 +168,12 @@ fn bracket(at: &[At], level: f64) -> Option<usize> {
 /// Log time at an error between rungs `k` and `k + 1`.
 fn time_at(at: &[At], k: usize, level: f64) -> f64 {
     let (a, b) = (at[k], at[k + 1]);
-    if a.error == b.error {
-        a.time
-    } else {
-        a.time + (level - a.error) / (b.error - a.error) * (b.time - a.time)
-    }
+    on_line([a.error, a.time], [b.error, b.time], level)
+}
+
+/// y at `x` on the line through two points; that of the first where x does not tell.
+fn on_line(a: [f64; 2], b: [f64; 2], x: f64) -> f64 {
+    if a[0] == b[0] { a[1] } else { a[1] + (x - a[0]) / (b[0] - a[0]) * (b[1] - a[1]) }
 }
 
 /// The rung before a time; the last but one for the last rung's own.
@@ -183,11 +184,7 @@ fn before(at: &[At], time: f64) -> usize {
 /// Log error at a time between rungs `k` and `k + 1`.
 fn error_at(at: &[At], k: usize, time: f64) -> f64 {
     let (a, b) = (at[k], at[k + 1]);
-    if a.time == b.time {
-        a.error
-    } else {
-        a.error + (time - a.time) / (b.time - a.time) * (b.error - a.error)
-    }
+    on_line([a.time, a.error], [b.time, b.error], time)
 }
 
 /// Two curves side by side.

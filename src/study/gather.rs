@@ -62,7 +62,8 @@ pub fn gather(bench: &Bench, ledger: &Ledger) -> Result<Concluded> {
         return Err(Error::new("no run is finished yet: there is nothing to report"));
     }
     let machine = machine(&own);
-    let notes = notes(&own, &machine, bench);
+    let configurations = scenes.iter().flat_map(|s: &SceneStudy| &s.configurations);
+    let notes = notes(&own, &machine, bench, configurations);
     let study = Study {
         title: bench.plan.title.clone(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -114,7 +115,7 @@ fn own_runs(bench: &Bench, ledger: &Ledger, subject: usize) -> Vec<Runs> {
 fn scene_study(bench: &Bench, subject: &Subject, all: &[Runs], folder: &Path) -> Result<SceneStudy> {
     let mut configurations = Vec::new();
     for runs in all {
-        configurations.push(configuration_study(bench, subject, runs, folder)?);
+        configurations.push(configuration_study(subject, runs, &bench.plan.layers, folder)?);
     }
     let baseline = bench.plan.baseline.clone().unwrap_or_else(|| all[0].name.clone());
     let base = configurations.iter().find(|c| c.name == baseline);
@@ -166,16 +167,16 @@ fn read_rung(folder: &Path, runs: &[Run]) -> Result<(Vec<Image>, Vec<WithError>)
 }
 
 fn configuration_study(
-    bench: &Bench,
     subject: &Subject,
     runs: &Runs,
+    layers: &[String],
     folder: &Path,
 ) -> Result<ConfigurationStudy> {
     let truth = subject.truth.as_ref();
     let (mut rungs, mut covered, mut bias, mut noise) = (Vec::new(), Vec::new(), None, None);
     for (index, list) in runs.rungs.iter().enumerate() {
         let (images, with_error) = read_rung(folder, list)?;
-        let measured = measured(subject, list, &images, folder)?;
+        let measured = measured(subject, list, layers, folder)?;
         let rung = rung(list, &measured, subject);
         // What the reference does not show has no true error there.
         let shown = truth.filter(|_| runs.biased_by_design.is_none());
@@ -186,7 +187,6 @@ fn configuration_study(
         }
         rungs.push(rung);
     }
-    debug_assert!(rungs.len() <= bench.budgets.len() || runs.external);
     Ok(ConfigurationStudy {
         name: runs.name.clone(),
         settings: runs.settings.clone(),
@@ -203,9 +203,9 @@ fn configuration_study(
 
 /// What each run measures: from the ledger where that was against today's
 /// reference, else anew; without a reference, from the spread.
-fn measured(subject: &Subject, list: &[Run], images: &[Image], folder: &Path) -> Result<Vec<Vec<Measured>>> {
+fn measured(subject: &Subject, list: &[Run], layers: &[String], folder: &Path) -> Result<Vec<Vec<Measured>>> {
     if subject.truth.is_none() {
-        return Ok(spread(images, "colour", &subject.regions));
+        return spread_of(subject, list, layers, folder);
     }
     list.iter()
         .map(|run| {
@@ -215,6 +215,26 @@ fn measured(subject: &Subject, list: &[Run], images: &[Image], folder: &Path) ->
             subject.figures(&read_picture(&path(folder, run))?)
         })
         .collect()
+}
+
+/// The spread of the runs of a rung, in colour and in each layer.
+fn spread_of(
+    subject: &Subject,
+    list: &[Run],
+    layers: &[String],
+    folder: &Path,
+) -> Result<Vec<Vec<Measured>>> {
+    let pictures = list.iter().map(|run| read_picture(&path(folder, run))).collect::<Result<Vec<_>>>()?;
+    let mut all = vec![Vec::new(); list.len()];
+    for layer in std::iter::once(None).chain(layers.iter().map(|l| Some(l.as_str()))) {
+        let name = layer.unwrap_or("colour");
+        let images: Option<Vec<Image>> = pictures.iter().map(|p| Image::of(p, layer)).collect();
+        let images = images.ok_or_else(|| Error::new(format!("a picture has no {name}")))?;
+        for (run, more) in all.iter_mut().zip(spread(&images, name, &subject.regions)) {
+            run.extend(more);
+        }
+    }
+    Ok(all)
 }
 
 /// The means of all runs of one budget.
@@ -281,7 +301,12 @@ fn processor() -> String {
     name.map_or_else(|| std::env::consts::ARCH.to_owned(), |(_, name)| name.trim().to_owned())
 }
 
-fn notes(runs: &[Run], machine: &Machine, bench: &Bench) -> Vec<String> {
+fn notes<'a>(
+    runs: &[Run],
+    machine: &Machine,
+    bench: &Bench,
+    configurations: impl Iterator<Item = &'a ConfigurationStudy>,
+) -> Vec<String> {
     let mut notes = Vec::new();
     if machine.load < LOADED {
         notes.push(format!(
@@ -302,6 +327,10 @@ fn notes(runs: &[Run], machine: &Machine, bench: &Bench) -> Vec<String> {
              of the errors are normal; 8 or more are better.",
             bench.plan.repeats
         ));
+    }
+    let few = configurations.flat_map(|c| &c.rungs).filter(|r| r.figures.is_empty()).count();
+    if few > 0 {
+        notes.push(format!("{few} rungs have no error: without a reference it takes three runs of a rung."));
     }
     let bad: u64 = runs.iter().map(|r| r.bad_samples).sum();
     if bad > 0 {

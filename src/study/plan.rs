@@ -317,6 +317,14 @@ impl Plan {
                 return Err(Error::new(message).hint(format!("there are {}", names.join(", "))));
             }
         }
+        let mut taken: Vec<(String, String)> = Vec::new();
+        for series in &self.series {
+            let name = (series.scene.clone(), series.name.clone());
+            if taken.contains(&name) || self.configurations()?.iter().any(|c| c.name() == series.name) {
+                return Err(Error::new(format!("the name of the series `{}` is taken", series.name)));
+            }
+            taken.push(name);
+        }
         for layer in &self.layers {
             if !["albedo", "N", "P"].contains(&layer.as_str()) {
                 return Err(Error::new(format!("there is no layer `{layer}` to measure"))

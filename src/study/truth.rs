@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{Image, Region, RgbView, ScenePlan};
+use super::{Image, Region, ScenePlan};
 use crate::desc::{Error, Fnv, Result};
 use crate::load::{Picture, read_picture};
 
@@ -187,20 +187,4 @@ pub fn regions(scene: &ScenePlan, [width, height]: [usize; 2]) -> Result<Vec<Reg
         all.push(RegionMask { name: name.clone(), inside });
     }
     Ok(all)
-}
-
-/// Checks that a picture fits its reference.
-///
-/// # Errors
-/// With both sizes when they differ.
-pub fn check_size(image: RgbView<'_>, truth: &Truth) -> Result<()> {
-    let mean = &truth.colour().mean;
-    if (image.width, image.height) == (mean.width, mean.height) {
-        return Ok(());
-    }
-    Err(Error::new(format!(
-        "the reference `{}` has {}x{} pixels, the picture {}x{}",
-        truth.file, mean.width, mean.height, image.width, image.height
-    ))
-    .hint("give the size of the reference: `size` in the plan, or --size"))
 }
