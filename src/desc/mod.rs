@@ -15,7 +15,7 @@ pub use params::Params;
 
 use std::sync::Arc;
 
-use crate::math::{DVec3, Transform, Vec2, Vec3};
+use crate::math::{DVec3, Motion, Transform, Vec2, Vec3, Vec4};
 
 /// Index of an object in [`SceneDesc::objects`].
 pub type ObjectId = u32;
@@ -123,6 +123,8 @@ pub enum Value {
     Vector(DVec3),
     /// `<transform>`.
     Transform(Transform),
+    /// `<animation>`: transforms at times.
+    Motion(Motion),
     /// A nested object or a reference to one.
     Object(ObjectId),
     /// A decoded mesh: index into [`SceneDesc::meshes`].
@@ -144,6 +146,7 @@ impl Value {
             Value::Spectrum(_) => "spectrum",
             Value::Vector(_) => "point or vector",
             Value::Transform(_) => "transform",
+            Value::Motion(_) => "animation",
             Value::Object(_) => "object",
             Value::Mesh(_) => "mesh",
             Value::Image(_) => "image",
@@ -162,6 +165,38 @@ pub struct Mesh {
     pub uvs: Vec<Vec2>,
     /// Vertex indices of each triangle, all in range.
     pub triangles: Vec<[u32; 3]>,
+    /// Tangents that normal maps are relative to, one per vertex, or empty:
+    /// direction in `xyz`, ±1 in `w` (bitangent = w · normal × tangent).
+    pub tangents: Vec<Vec4>,
+    /// Further data by name, for textures to look up.
+    pub attributes: Vec<MeshAttribute>,
+    /// The shape at several times, rising, for a mesh that deforms; else
+    /// empty. `positions` and `normals` are then those of the first.
+    pub deformation: Vec<MeshKey>,
+}
+
+/// Named data of a mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshAttribute {
+    /// Its name, such as `vertex_color`.
+    pub name: String,
+    /// Numbers per vertex or face: 1 to 4.
+    pub channels: u32,
+    /// One entry per triangle instead of per vertex.
+    pub per_face: bool,
+    /// `channels` numbers for each, finite.
+    pub values: Vec<f32>,
+}
+
+/// A deforming mesh at one time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MeshKey {
+    /// When, in the unit of the shutter's times.
+    pub time: f64,
+    /// One per vertex, finite.
+    pub positions: Vec<Vec3>,
+    /// One per vertex, or empty.
+    pub normals: Vec<Vec3>,
 }
 
 /// A decoded image; row 0 is the top row.
@@ -235,6 +270,7 @@ impl SceneDesc {
                 uv.to_array().iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes()));
             }
             mesh.triangles.iter().flatten().for_each(|i| hash.bytes(&i.to_le_bytes()));
+            mesh.hash_rest(&mut hash);
         }
         for image in &self.images {
             match &image.pixels {
@@ -244,6 +280,22 @@ impl SceneDesc {
             }
         }
         hash.value()
+    }
+}
+
+impl Mesh {
+    /// The parts that most meshes do not have.
+    fn hash_rest(&self, hash: &mut Fnv) {
+        let mut floats = |values: &[f32]| values.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes()));
+        self.tangents.iter().for_each(|t| floats(&t.to_array()));
+        for key in &self.deformation {
+            key.positions.iter().chain(&key.normals).for_each(|v| floats(&v.to_array()));
+        }
+        self.attributes.iter().for_each(|a| floats(&a.values));
+        for attribute in &self.attributes {
+            hash.bytes(attribute.name.as_bytes());
+        }
+        self.deformation.iter().for_each(|key| hash.bytes(&key.time.to_bits().to_le_bytes()));
     }
 }
 

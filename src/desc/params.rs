@@ -4,7 +4,7 @@
 use std::cell::RefCell;
 
 use super::{Category, Error, Object, ObjectId, Param, Pos, Result, SceneDesc, Value};
-use crate::math::{DVec3, Rgb, Transform};
+use crate::math::{DVec3, Motion, Rgb, Transform};
 
 /// The parameters of one object. Call [`Params::finish`] when all are read.
 #[derive(Debug)]
@@ -152,7 +152,27 @@ impl<'a> Params<'a> {
         let Some(param) = self.get(name) else { return Ok(Transform::IDENTITY) };
         match param.value {
             Value::Transform(v) => Ok(v),
+            Value::Motion(ref v) => match v.as_still() {
+                Some(transform) => Ok(transform),
+                None => Err(self
+                    .scene
+                    .error(
+                        param.pos,
+                        format!("{} `{}` cannot move", self.object.category.tag(), self.object.plugin),
+                    )
+                    .hint("shapes, instances and sensors can")),
+            },
             _ => Err(self.wrong_type(param, "a transform")),
+        }
+    }
+
+    /// A transform that may move, or the identity.
+    pub fn motion(&self, name: &'static str) -> Result<Motion> {
+        let Some(param) = self.get(name) else { return Ok(Motion::still(Transform::IDENTITY)) };
+        match &param.value {
+            Value::Transform(v) => Ok(Motion::still(*v)),
+            Value::Motion(v) => Ok(v.clone()),
+            _ => Err(self.wrong_type(param, "a transform or an animation")),
         }
     }
 

@@ -14,7 +14,7 @@ use super::values;
 use super::xml::{Source, Tag};
 use super::{LoadOptions, files};
 use crate::desc::{Category, Error, Object, ObjectId, Param, Pos, Result, SceneDesc, Value};
-use crate::math::Transform;
+use crate::math::{Motion, Transform};
 
 /// Includes within includes; Mitsuba 3 has the same limit.
 const INCLUDE_DEPTH: usize = 15;
@@ -187,7 +187,12 @@ impl Parser {
             return self.object(node, &tag, category, Some((place, &name)));
         }
         if tag.name == "transform" {
-            return self.transform(source, node, &tag, place.owner);
+            tag.only(&["name"])?;
+            let composed = self.transform(source, node, &tag)?;
+            return self.push(&tag, place.owner, parameter_name(&tag)?, Value::Transform(composed));
+        }
+        if tag.name == "animation" {
+            return self.animation(source, node, &tag, place.owner);
         }
         if let Some(child) = node.children().find(Node::is_element) {
             let child = Tag::new(source, child, &mut self.parameters)?;
@@ -275,8 +280,31 @@ impl Parser {
         Ok(())
     }
 
-    fn transform(&mut self, source: &Source, node: Node, tag: &Tag, owner: ObjectId) -> Result<()> {
+    /// Transforms with a `time` each, as Mitsuba 0.x had them.
+    fn animation(&mut self, source: &Source, node: Node, tag: &Tag, owner: ObjectId) -> Result<()> {
         tag.only(&["name"])?;
+        let mut keys: Vec<(f64, Transform)> = Vec::new();
+        for child in node.children().filter(Node::is_element) {
+            let key = Tag::new(source, child, &mut self.parameters)?;
+            if key.name != "transform" {
+                return Err(key
+                    .error(format!("`<{}>` cannot stand inside `<animation>`", key.name))
+                    .hint("an animation is a list of `<transform time=\"…\">`"));
+            }
+            key.only(&["time"])?;
+            let attribute = key.need("time")?;
+            let time = values::scalar(&key, attribute)?;
+            if keys.last().is_some_and(|(last, _)| *last >= time) {
+                return Err(key.error_in(attribute, "the times of an animation must rise"));
+            }
+            keys.push((time, self.transform(source, child, &key)?));
+        }
+        let motion =
+            Motion::new(&keys).ok_or_else(|| tag.error("an animation needs at least one transform"))?;
+        self.push(tag, owner, parameter_name(tag)?, Value::Motion(motion))
+    }
+
+    fn transform(&mut self, source: &Source, node: Node, tag: &Tag) -> Result<Transform> {
         let mut composed = Transform::IDENTITY;
         for child in node.children().filter(Node::is_element) {
             let operation = Tag::new(source, child, &mut self.parameters)?;
@@ -291,8 +319,7 @@ impl Parser {
         if !(composed.matrix.is_finite() && composed.inverse.is_finite()) {
             return Err(tag.error("the transform is too extreme to be undone"));
         }
-        let name = parameter_name(tag)?;
-        self.push(tag, owner, name, Value::Transform(composed))
+        Ok(composed)
     }
 
     fn reference(&mut self, tag: &Tag, owner: ObjectId) -> Result<()> {
@@ -370,7 +397,7 @@ fn category(tag: &str) -> Option<Category> {
 }
 
 fn unknown_tag(tag: &Tag) -> Error {
-    let others = ["transform", "include", "ref", "default", "alias", "path"];
+    let others = ["transform", "animation", "include", "ref", "default", "alias", "path"];
     let known = OBJECT_TAGS.iter().map(|c| c.tag()).chain(values::VALUE_TAGS.iter().copied()).chain(others);
     if transform::OPERATIONS.contains(&tag.name) {
         return tag.error(format!("`<{}>` can only stand inside `<transform>`", tag.name));

@@ -6,6 +6,7 @@
 mod bounds;
 mod error;
 mod frame;
+mod motion;
 mod ray;
 mod transform;
 
@@ -15,10 +16,11 @@ pub use error::{
     solve_quadratic,
 };
 pub use frame::Frame;
+pub use motion::Motion;
 pub use ray::Ray;
 pub use transform::{Decomposition, Transform};
 
-pub use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec2, Vec3};
+pub use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec2, Vec3, Vec4};
 
 /// Scene-linear RGB (radiance, reflectance or weight, as the name says).
 pub type Rgb = Vec3;

@@ -15,7 +15,8 @@ use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
 use crate::texture::{Usage, texture_from_desc};
 
 /// Scene-file names of all shapes.
-const SHAPES: &[&str] = &["obj", "ply", "serialized", "rectangle", "cube", "sphere", "disk", "cylinder"];
+const SHAPES: &[&str] =
+    &["obj", "ply", "serialized", "mesh", "rectangle", "cube", "sphere", "disk", "cylinder"];
 
 /// A light under construction: area lights need the finished geometry.
 enum Pending {
@@ -207,7 +208,7 @@ impl Builder<'_> {
         let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
         self.plan.shapes += 1;
         let shape = match object.plugin.as_str() {
-            "obj" | "ply" | "serialized" => {
+            "obj" | "ply" | "serialized" | "mesh" => {
                 let options = options(params.bool("face_normals", false)?);
                 let mesh = params
                     .mesh()

@@ -277,6 +277,7 @@ impl ShapeSampler {
             ng: point.ng.as_vec3(),
             ns: point.ns.as_vec3(),
             uv: point.uv,
+            barycentric: Vec2::ZERO,
             dpdu: point.dpdu.as_vec3(),
             dpdv: point.dpdv.as_vec3(),
             prim: self.first_prim,

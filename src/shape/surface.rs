@@ -19,6 +19,9 @@ pub struct SurfacePoint {
     /// Texture coordinates; barycentrics of the second and third vertex on
     /// meshes that have none.
     pub uv: Vec2,
+    /// Barycentrics of the second and third vertex of a triangle; zero
+    /// elsewhere.
+    pub barycentric: Vec2,
     /// ∂p/∂u, not normalised; zero where the parametrisation is singular.
     pub dpdu: Vec3,
     /// ∂p/∂v, not normalised; zero where the parametrisation is singular.

@@ -1,0 +1,208 @@
+//! Transforms that change over time.
+
+use super::{DMat3, DMat4, DQuat, DVec3, Transform};
+
+/// A transform at several times; between two of them translation goes
+/// linearly, rotation along the shortest arc at constant speed (slerp), and
+/// what is left (scale and shear) linearly, after Shoemake and Duff 1992,
+/// "Matrix Animation and Polar Decomposition". Before the first time and after
+/// the last it stands still.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    keys: Vec<MotionKey>,
+}
+
+/// A transform at a time, taken apart: M = T·R·S.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct MotionKey {
+    time: f64,
+    transform: Transform,
+    translation: DVec3,
+    rotation: DQuat,
+    /// Scale and shear; symmetric up to rounding.
+    stretch: DMat3,
+}
+
+impl Motion {
+    /// From transforms at times, which must rise. `None` when there are none,
+    /// or the times do not rise, or are not finite.
+    #[must_use]
+    pub fn new(keys: &[(f64, Transform)]) -> Option<Motion> {
+        let rising = keys.windows(2).all(|k| k[0].0 < k[1].0);
+        if keys.is_empty() || !rising || keys.iter().any(|(time, _)| !time.is_finite()) {
+            return None;
+        }
+        let mut keys: Vec<MotionKey> = keys.iter().map(|(time, t)| MotionKey::new(*time, t)).collect();
+        for i in 1..keys.len() {
+            // Both signs are the same rotation; take the nearer one.
+            if keys[i - 1].rotation.dot(keys[i].rotation) < 0.0 {
+                keys[i].rotation = -keys[i].rotation;
+            }
+        }
+        Some(Motion { keys })
+    }
+
+    /// Something that does not move.
+    #[must_use]
+    pub fn still(transform: Transform) -> Motion {
+        Motion { keys: vec![MotionKey::new(0.0, &transform)] }
+    }
+
+    /// The times given, rising.
+    pub fn times(&self) -> impl Iterator<Item = f64> + '_ {
+        self.keys.iter().map(|k| k.time)
+    }
+
+    /// The transform, when it is the same at all times.
+    #[must_use]
+    pub fn as_still(&self) -> Option<Transform> {
+        let first = self.keys[0].transform;
+        self.keys.iter().all(|k| k.transform == first).then_some(first)
+    }
+
+    /// The transform at a time. At a time given it is the one given, exactly.
+    #[must_use]
+    pub fn at(&self, time: f64) -> Transform {
+        let next = self.keys.partition_point(|k| k.time <= time);
+        let (Some(b), Some(a)) = (self.keys.get(next), next.checked_sub(1).map(|i| &self.keys[i])) else {
+            return if next == 0 { self.keys[0].transform } else { self.keys[next - 1].transform };
+        };
+        if a.time == time || a.transform == b.transform {
+            return a.transform;
+        }
+        MotionKey::between(a, b, (time - a.time) / (b.time - a.time))
+    }
+
+    /// This motion seen through fixed transforms: `outer` after it, after `inner`.
+    /// Exact at the keys; between them it is the interpolation of the products.
+    #[must_use]
+    pub fn map(&self, f: impl Fn(&Transform) -> Transform) -> Motion {
+        let keys: Vec<_> = self.keys.iter().map(|k| (k.time, f(&k.transform))).collect();
+        Motion::new(&keys).unwrap_or_else(|| self.clone())
+    }
+
+    /// The motion during [`open`, `close`] with time stretched to [0, 1]; a
+    /// single key when the two are equal or nothing moves between them.
+    #[must_use]
+    pub fn during(&self, open: f64, close: f64) -> Motion {
+        if !(close > open) {
+            return Motion::still(self.at(open));
+        }
+        let inside = self.times().filter(|t| *t > open && *t < close);
+        let times: Vec<f64> = std::iter::once(open).chain(inside).chain(std::iter::once(close)).collect();
+        let keys: Vec<_> = times.iter().map(|t| ((t - open) / (close - open), self.at(*t))).collect();
+        let motion = Motion::new(&keys).unwrap_or_else(|| Motion::still(self.at(open)));
+        match motion.as_still() {
+            Some(transform) => Motion::still(transform),
+            None => motion,
+        }
+    }
+
+    /// Calls `f` with (start, end, bound on the second derivative of a point's
+    /// path, per unit of the point's largest distance from the origin) of each
+    /// stretch between two times.
+    ///
+    /// Between two keys a point p goes along T(s) + R(s)·S(s)·p with T and S
+    /// linear and R turning by an angle θ in all, 0 ≤ s ≤ 1; twice derived that
+    /// is R(s)·(ω×(ω×S·p) + 2·ω×S'·p), at most θ²·|S|·|p| + 2·θ·|S'|·|p|.
+    pub fn stretches(&self, mut f: impl FnMut(f64, f64, f64)) {
+        for pair in self.keys.windows(2) {
+            let [a, b] = pair else { continue };
+            let angle = a.rotation.angle_between(b.rotation);
+            let size = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
+            let largest = size(&a.stretch).max(size(&b.stretch));
+            let change = size(&(b.stretch - a.stretch));
+            f(a.time, b.time, angle * angle * largest + 2.0 * angle * change);
+        }
+    }
+}
+
+impl MotionKey {
+    fn new(time: f64, transform: &Transform) -> MotionKey {
+        let m = DMat3::from_mat4(transform.matrix);
+        let (rotation, stretch) = polar(m);
+        MotionKey {
+            time,
+            transform: *transform,
+            translation: transform.matrix.w_axis.truncate(),
+            rotation,
+            stretch,
+        }
+    }
+
+    /// Between two keys, `s` in (0, 1).
+    fn between(a: &MotionKey, b: &MotionKey, s: f64) -> Transform {
+        let rotation = DMat3::from_quat(a.rotation.slerp(b.rotation, s));
+        let linear = rotation * (a.stretch * (1.0 - s) + b.stretch * s);
+        let mut matrix = DMat4::from_mat3(linear);
+        matrix.w_axis = a.translation.lerp(b.translation, s).extend(1.0);
+        // A stretch that passes through zero has no inverse: the nearer key instead.
+        Transform::from_matrix(matrix).unwrap_or(if s < 0.5 { a.transform } else { b.transform })
+    }
+}
+
+/// Rotation and stretch of a matrix: M = R·S with S symmetric and R a proper
+/// rotation (S takes a mirror's minus sign). Higham 1986: R is the limit of
+/// averaging with the inverse transpose.
+fn polar(m: DMat3) -> (DQuat, DMat3) {
+    let mut r = m;
+    for _ in 0..100 {
+        let next = (r + r.inverse().transpose()) * 0.5;
+        let change = (next - r).to_cols_array().iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        r = next;
+        if change < 1e-15 {
+            break;
+        }
+    }
+    if r.determinant() < 0.0 {
+        r = r * -1.0;
+    }
+    let rotation = DQuat::from_mat3(&r).normalize();
+    (rotation, DMat3::from_quat(rotation).transpose() * m)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turn(angle: f64, at: DVec3, scale: DVec3) -> Transform {
+        let m = DMat4::from_scale_rotation_translation(scale, DQuat::from_rotation_z(angle), at);
+        Transform::from_matrix(m).unwrap_or_default()
+    }
+
+    #[test]
+    fn keys_are_exact_and_between_them_arcs() {
+        let (a, b) =
+            (turn(0.0, DVec3::ZERO, DVec3::ONE), turn(1.0, DVec3::X * 4.0, DVec3::new(2.0, 2.0, -2.0)));
+        let motion = Motion::new(&[(1.0, a), (3.0, b)]).expect("rising times");
+        assert_eq!((motion.at(0.0), motion.at(1.0), motion.at(3.0), motion.at(9.0)), (a, a, b, b));
+        let c = turn(0.4, DVec3::ZERO, DVec3::ONE);
+        let d = turn(1.4, DVec3::X * 4.0, DVec3::ONE);
+        let motion = Motion::new(&[(0.0, c), (2.0, d)]).expect("rising times");
+        let middle = motion.at(1.0);
+        assert!(
+            (middle.matrix - turn(0.9, DVec3::X * 2.0, DVec3::ONE).matrix).abs_diff_eq(DMat4::ZERO, 1e-14)
+        );
+        let half = motion.during(1.0, 3.0);
+        assert!((half.at(0.25).matrix - motion.at(1.5).matrix).abs_diff_eq(DMat4::ZERO, 1e-12));
+        assert!(motion.during(2.0, 3.0).as_still().is_some());
+    }
+
+    /// The path of a point stays as near to its chord as the second derivative says.
+    #[test]
+    fn the_bound_on_the_second_derivative_holds() {
+        let a = turn(0.2, DVec3::ZERO, DVec3::new(1.0, 3.0, 0.5));
+        let b = turn(2.2, DVec3::new(1.0, 2.0, 3.0), DVec3::new(-2.0, 1.0, 1.0));
+        let motion = Motion::new(&[(0.0, a), (1.0, b)]).expect("rising times");
+        let mut bound = 0.0;
+        motion.stretches(|_, _, second| bound = second);
+        let p = DVec3::new(0.3, -0.8, 0.52).normalize();
+        let at = |t: f64| motion.at(t).point(p);
+        for i in 0..1000 {
+            let t = (f64::from(i) + 0.5) / 1000.0;
+            let h = 1e-4;
+            let second = (at(t + h) - at(t) * 2.0 + at(t - h)) / (h * h);
+            assert!(second.length() <= bound * 1.001 + 1e-3, "{t}: {} > {bound}", second.length());
+        }
+    }
+}
