@@ -145,7 +145,7 @@ fn all_hits(geometry: &Geometry, ray: &Ray) -> Vec<SurfacePoint> {
         let mut ray = *ray;
         while let Some(hit) = geometry.intersect(prim, &ray, f32::INFINITY) {
             let surface = geometry.surface(&ray, &hit);
-            ray = surface.spawn(ray.dir, 0.0);
+            ray = surface.spawn(ray.dir);
             hits.push(surface);
             if matches!(geometry.analytic(prim), Some(Analytic::Sphere(_))) {
                 break;

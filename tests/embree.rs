@@ -184,7 +184,7 @@ fn native_rays_leave_their_triangle() {
         let hit = geometry.intersect(0, &ray, f32::INFINITY).unwrap();
         let up = random.direction();
         let spawned =
-            geometry.surface(&ray, &hit).spawn(Vec3::new(up.x, up.y.abs().max(0.01), up.z).normalize(), 0.0);
+            geometry.surface(&ray, &hit).spawn(Vec3::new(up.x, up.y.abs().max(0.01), up.z).normalize());
         assert_eq!(native.closest(&geometry, &spawned), None, "{spawned:?}");
         left += 1;
     }

@@ -85,7 +85,7 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
             let shadow = match &light.sample.target {
                 Target::Surface(target) => hit.surface.spawn_to(target),
                 Target::Point(p) => hit.surface.spawn_to_point(*p),
-                Target::Infinite => hit.surface.spawn(light.sample.wi, 0.0),
+                Target::Infinite => hit.surface.spawn(light.sample.wi),
             };
             if f != Rgb::ZERO && !scene.occluded(&shadow) {
                 out.rgb += beta * f * light.sample.radiance * (mis / light.pdf);
@@ -100,7 +100,7 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
             beta *= 1.01;
         }
         last = (!sample.delta).then_some((hit.receiver(), sample.pdf));
-        ray = hit.surface.spawn(sample.wi, 0.0);
+        ray = hit.surface.spawn(sample.wi);
     }
     out
 }

@@ -66,7 +66,7 @@ fn triangles_are_not_met_again() {
         let Some(hit) = geometry.intersect(0, &ray, f32::INFINITY) else { continue };
         let surface = geometry.surface(&ray, &hit);
         for _ in 0..100 {
-            let ray = surface.spawn(random.direction(), 0.0);
+            let ray = surface.spawn(random.direction());
             assert_eq!(geometry.intersect(0, &ray, f32::INFINITY), None, "{corners:?} {ray:?}");
         }
         tested += 1;
@@ -101,7 +101,7 @@ fn quadrics_are_not_met_again() {
         tested += 1;
         for _ in 0..50 {
             let dir = random.direction();
-            let spawned = surface.spawn(dir, 0.0);
+            let spawned = surface.spawn(dir);
             let again = geometry.intersect(0, &spawned, f32::INFINITY);
             let cos = dir.dot(surface.ng);
             if cos >= 0.0 {
@@ -143,7 +143,7 @@ fn convex_meshes_are_left_behind() {
             let surface = geometry.surface(&ray, &hit);
             let dir = random.direction();
             let dir = if dir.dot(surface.ng) < 0.0 { -dir } else { dir };
-            let spawned = surface.spawn(dir, 0.0);
+            let spawned = surface.spawn(dir);
             let again = accel.closest(&geometry, &spawned);
             assert_eq!(again, None, "scale {scale} offset {offset}: {surface:?} {spawned:?}");
             tested += 1;
@@ -190,7 +190,7 @@ fn narrow_gaps_do_not_leak() {
                     let surface = geometry.surface(&below, &hit);
                     let dir = (tilt.as_quat() * Vec3::new(random.unit() - 0.5, random.unit() - 0.5, 1.0))
                         .normalize();
-                    let up = accel.closest(&geometry, &surface.spawn(dir, 0.0));
+                    let up = accel.closest(&geometry, &surface.spawn(dir));
                     assert!(
                         up.is_some_and(|h| h.prim >= 2),
                         "gap {gap} offset {offset} scale {scale}: {up:?}"

@@ -1,12 +1,14 @@
 //! Every primitive in turn: the oracle of all other kinds.
 
 use super::Nearest;
+use super::ground::{Ground, Slice};
 use crate::math::Bounds;
 use crate::shape::{Geometry, Hit, RayProbe};
 
 /// Tests every primitive.
 #[derive(Clone, Debug)]
 pub struct Brute {
+    part: u32,
     bounds: Bounds,
 }
 
@@ -14,21 +16,30 @@ impl Brute {
     /// Takes note of the box; there is nothing to build.
     #[must_use]
     pub fn new(geometry: &Geometry) -> Brute {
-        Brute { bounds: geometry.bounds() }
+        Brute::of(geometry, Slice::TOP)
     }
 
-    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn of(geometry: &Geometry, slice: Slice) -> Brute {
+        Brute { part: slice.part, bounds: geometry.part_bounds(slice.part) }
+    }
+
+    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         let mut nearest = Nearest::new(probe);
-        for prim in 0..geometry.prim_count() {
-            if let Some(hit) = geometry.intersect_probe(prim, probe, nearest.limit) {
+        for prim in ground.geometry.part_prims(self.part) {
+            if let Some(hit) = ground.intersect(prim, probe, nearest.limit) {
                 nearest.take(hit);
             }
         }
         nearest.hit
     }
 
-    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
-        (0..geometry.prim_count()).any(|prim| geometry.intersect_probe(prim, probe, probe.t_max).is_some())
+    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+        let mut prims = ground.geometry.part_prims(self.part);
+        prims.any(|prim| ground.intersect(prim, probe, probe.t_max).is_some())
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        0
     }
 
     pub(super) fn bounds(&self) -> Bounds {

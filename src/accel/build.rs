@@ -82,6 +82,12 @@ impl Item {
         self.0.min.w.to_bits() ^ Item::NORMAL
     }
 
+    /// Its box.
+    #[cfg_attr(not(feature = "embree"), allow(dead_code, reason = "Embree wants to know"))]
+    pub fn bounds(&self) -> Bounds {
+        self.0.bounds()
+    }
+
     /// Twice its centre.
     #[inline(always)]
     fn centre(&self) -> Vec4 {

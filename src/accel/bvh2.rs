@@ -3,7 +3,8 @@
 //! leaves.
 
 use super::Nearest;
-use super::build::{Costs, Item, MAX_DEPTH, Tree, TreeNode, build};
+use super::build::{Costs, MAX_DEPTH, Tree, TreeNode, build};
+use super::ground::{Ground, Slice};
 use super::simd::{BoxTest, Portable, Task};
 use super::stats::Stats;
 use crate::desc::{Error, Result};
@@ -59,11 +60,14 @@ struct Entry {
 impl Bvh2 {
     /// Builds the tree. Fails when there are 2²⁹ primitives or more.
     pub fn new(geometry: &Geometry) -> Result<Bvh2> {
+        Bvh2::of(geometry, Slice::TOP)
+    }
+
+    pub(super) fn of(geometry: &Geometry, slice: Slice) -> Result<Bvh2> {
         if geometry.prim_count() > INDEX_MASK {
             return Err(Error::new("more than 2^29 primitives").hint("use instances"));
         }
-        let mut items: Vec<Item> =
-            (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
+        let mut items = slice.items(geometry);
         let tree = build(&mut items, COSTS);
         let entries: Vec<Entry> = items
             .iter()
@@ -78,19 +82,19 @@ impl Bvh2 {
             nodes,
             root,
             entries,
-            bounds: geometry.bounds(),
+            bounds: geometry.part_bounds(slice.part),
             stats: Stats::of_binary(&tree),
             #[cfg(target_arch = "x86_64")]
             avx2: super::simd::Avx2::detect(),
         })
     }
 
-    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
-        self.run(Closest { bvh: self, geometry, probe })
+    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+        self.run(Closest { bvh: self, ground, probe })
     }
 
-    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
-        self.run(Occluded { bvh: self, geometry, probe })
+    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+        self.run(Occluded { bvh: self, ground, probe })
     }
 
     pub(super) fn bounds(&self) -> Bounds {
@@ -145,11 +149,11 @@ impl Bvh2 {
 }
 
 #[inline(always)]
-fn test_entry(entry: &Entry, geometry: &Geometry, probe: &RayProbe, limit: f32) -> Option<Hit> {
-    if entry.prim < geometry.triangle_count() {
+fn test_entry(entry: &Entry, ground: Ground<'_>, probe: &RayProbe, limit: f32) -> Option<Hit> {
+    if entry.prim < ground.geometry.triangle_count() {
         Geometry::intersect_triangle(entry.prim, &entry.vertices, probe, limit)
     } else {
-        geometry.intersect_analytic(entry.prim, probe, limit)
+        ground.intersect_other(entry.prim, probe, limit)
     }
 }
 
@@ -201,7 +205,7 @@ impl Stack {
 
 struct Closest<'a> {
     bvh: &'a Bvh2,
-    geometry: &'a Geometry,
+    ground: Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -217,7 +221,7 @@ impl Task for Closest<'_> {
         while let Some(current) = next {
             if current & LEAF != 0 {
                 for entry in self.bvh.leaf(current) {
-                    if let Some(hit) = test_entry(entry, self.geometry, self.probe, nearest.limit) {
+                    if let Some(hit) = test_entry(entry, self.ground, self.probe, nearest.limit) {
                         nearest.take(hit);
                     }
                 }
@@ -248,7 +252,7 @@ impl Task for Closest<'_> {
 
 struct Occluded<'a> {
     bvh: &'a Bvh2,
-    geometry: &'a Geometry,
+    ground: Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -263,7 +267,7 @@ impl Task for Occluded<'_> {
         let mut next = self.bvh.root;
         while let Some(current) = next {
             if current & LEAF != 0 {
-                let hit = |entry: &Entry| test_entry(entry, self.geometry, self.probe, limit).is_some();
+                let hit = |entry: &Entry| test_entry(entry, self.ground, self.probe, limit).is_some();
                 if self.bvh.leaf(current).iter().any(hit) {
                     return true;
                 }

@@ -8,8 +8,9 @@
 //! and in AVX2, and give the same bits.
 
 use super::Nearest;
-use super::build::{Costs, Item, build};
+use super::build::{Costs, build};
 use super::collapse::{Wide, collapse};
+use super::ground::{Ground, Slice};
 use super::reinsert::{Effort, improve};
 use super::simd8::{Met, Portable, Slots, Stack, WideTask, WideTest};
 use super::stats::{Share, Stats};
@@ -76,8 +77,11 @@ const EFFORT: Effort = Effort { rounds: 6, share: 0.1 };
 impl Bvh8 {
     /// Builds the tree. Fails when it takes more than 8 GiB.
     pub fn new(geometry: &Geometry, quality: Quality) -> Result<Bvh8> {
-        let mut items: Vec<Item> =
-            (0..geometry.prim_count()).map(|prim| Item::new(geometry.prim_bounds(prim), prim)).collect();
+        Bvh8::of(geometry, Slice::TOP, quality)
+    }
+
+    pub(super) fn of(geometry: &Geometry, slice: Slice, quality: Quality) -> Result<Bvh8> {
+        let mut items = slice.items(geometry);
         let tree = build(&mut items, quality.costs(geometry)).compact();
         let plain = || collapse(geometry, &items, &tree, PRICE);
         let wide = match quality {
@@ -94,20 +98,20 @@ impl Bvh8 {
             return Err(Error::new("a tree of more than 8 GiB").hint("use instances"));
         }
         Ok(Bvh8 {
-            stats: stats(&wide, &geometry.bounds()),
+            stats: stats(&wide, &geometry.part_bounds(slice.part)),
             wide,
-            bounds: geometry.bounds(),
+            bounds: geometry.part_bounds(slice.part),
             #[cfg(target_arch = "x86_64")]
             avx2: super::simd::Avx2::detect(),
         })
     }
 
-    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
-        self.run(Closest { wide: &self.wide, geometry, probe })
+    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+        self.run(Closest { wide: &self.wide, ground, probe })
     }
 
-    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
-        self.run(Occluded { wide: &self.wide, geometry, probe })
+    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+        self.run(Occluded { wide: &self.wide, ground, probe })
     }
 
     pub(super) fn bounds(&self) -> Bounds {
@@ -153,7 +157,7 @@ impl Bvh8 {
 
 struct Closest<'a> {
     wide: &'a Wide,
-    geometry: &'a Geometry,
+    ground: Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -187,8 +191,8 @@ impl WideTask for Closest<'_> {
                     take_all(&mut nearest, block, &met);
                 }
                 if current.has_analytic() {
-                    for prim in analytic(block, self.geometry) {
-                        if let Some(hit) = self.geometry.intersect_analytic(prim, self.probe, nearest.limit) {
+                    for prim in others(block, self.ground.geometry) {
+                        if let Some(hit) = self.ground.intersect_other(prim, self.probe, nearest.limit) {
                             nearest.take(hit);
                         }
                     }
@@ -216,20 +220,26 @@ fn take_all(nearest: &mut Nearest, block: &Block, met: &Met) {
         let lane = mask.trailing_zeros() as usize % LANES;
         mask &= mask - 1;
         if met.t[lane] < nearest.limit {
-            nearest.take(Hit { t: met.t[lane], prim: block.prims[lane], u: met.u[lane], v: met.v[lane] });
+            nearest.take(Hit {
+                t: met.t[lane],
+                prim: block.prims[lane],
+                u: met.u[lane],
+                v: met.v[lane],
+                instance: Hit::NO_INSTANCE,
+            });
         }
     }
 }
 
-/// The analytic primitives of a block.
-fn analytic<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32> + 'a {
+/// The primitives of a block that are no still triangles.
+fn others<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32> + 'a {
     let first = geometry.triangle_count();
     block.prims.iter().copied().filter(move |prim| *prim >= first && *prim != Block::NONE)
 }
 
 struct Occluded<'a> {
     wide: &'a Wide,
-    geometry: &'a Geometry,
+    ground: Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -261,8 +271,8 @@ impl WideTask for Occluded<'_> {
                 if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
                     return true;
                 }
-                let hit = |prim| self.geometry.intersect_analytic(prim, self.probe, limit).is_some();
-                if current.has_analytic() && analytic(block, self.geometry).any(hit) {
+                let hit = |prim| self.ground.occluded_other(prim, self.probe, limit);
+                if current.has_analytic() && others(block, self.ground.geometry).any(hit) {
                     return true;
                 }
             }

@@ -5,7 +5,7 @@
 //!
 //! - [`Embree`], the accelerator: Embree builds the tree and walks it, and our
 //!   own test decides every hit. All primitives are user geometry whose
-//!   callback calls `Geometry::intersect_probe`, so hits, ties, skipped
+//!   callback calls `Ground::intersect`, so hits, ties, skipped
 //!   primitives and the end of the ray are those of brute force, bit for bit.
 //!   Embree's own triangle test cannot be made to: even in robust mode it
 //!   misses rays aimed exactly at vertices (some 2 %), and what it does not
@@ -62,10 +62,12 @@ use embree3::{
     IntersectContextExt, IntersectFunctionNArgs, OccludedFunctionNArgs, RayHit, Scene, SceneFlags,
 };
 
+use super::build::Item;
+use super::ground::{Ground, Slice};
 use super::{Bvh2, Nearest};
 use crate::desc::{Error, Result};
 use crate::math::{Bounds, DVec3, Ray, Vec3};
-use crate::shape::{Geometry, Hit, RayProbe};
+use crate::shape::{Geometry, Hit, PrimId, RayProbe};
 
 /// How far the end of the ray that Embree sees lies beyond the nearest hit,
 /// relative: more than all rounding of its box test.
@@ -94,6 +96,8 @@ struct Built {
     bytes: usize,
     /// For rays from beyond [`LIMIT`], where a render makes them.
     far: Option<Bvh2>,
+    /// Our ids of Embree's primitives.
+    prims: Vec<PrimId>,
 }
 
 impl fmt::Debug for Embree {
@@ -105,29 +109,35 @@ impl fmt::Debug for Embree {
 impl Embree {
     /// Builds the tree. Fails when Embree does, for want of memory.
     pub fn new(geometry: &Geometry) -> Result<Embree> {
-        let bounds = geometry.bounds();
+        Embree::of(geometry, Slice::TOP)
+    }
+
+    pub(super) fn of(geometry: &Geometry, slice: Slice) -> Result<Embree> {
+        let bounds = geometry.part_bounds(slice.part);
         let unit = Unit::new(&bounds);
         let mut embree = Embree { built: None, bounds, unit };
-        if geometry.prim_count() > 0 {
-            let boxes = (0..geometry.prim_count()).map(|p| unit.widened(&geometry.prim_bounds(p)));
+        let items = slice.items(geometry);
+        if !items.is_empty() {
+            let boxes = items.iter().map(|item| unit.widened(&item.bounds()));
             let mut maker = Maker::new(EmbreeMode::Robust)?;
             maker.add_user(boxes.collect(), intersect, occluded)?;
             let mut built = maker.finish()?;
-            if unit.origin(DVec3::ZERO).is_none() {
-                built.far = Some(Bvh2::new(geometry)?);
+            if slice.part > 0 || unit.origin(DVec3::ZERO).is_none() {
+                built.far = Some(Bvh2::of(geometry, slice)?);
             }
+            built.prims = items.iter().map(Item::prim).collect();
             embree.built = Some(Arc::new(built));
         }
         Ok(embree)
     }
 
-    pub(super) fn closest(&self, geometry: &Geometry, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         let built = self.built.as_deref()?;
-        let query = Query { geometry, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
+        let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
         let Some((ray, t_scale)) = self.unit.ray(probe) else {
             return match &built.far {
-                Some(bvh) => bvh.closest(geometry, probe),
-                None => everything(query).hit,
+                Some(bvh) => bvh.closest(ground, probe),
+                None => everything(query, &self.bounds).hit,
             };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
@@ -135,46 +145,43 @@ impl Embree {
         context.ext.nearest.hit
     }
 
-    pub(super) fn occluded(&self, geometry: &Geometry, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
         let Some(built) = self.built.as_deref() else { return false };
-        let query = Query { geometry, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
+        let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
         let Some((mut ray, t_scale)) = self.unit.ray(probe) else {
             return match &built.far {
-                Some(bvh) => bvh.occluded(geometry, probe),
-                None => everything(query).hit.is_some(),
+                Some(bvh) => bvh.occluded(ground, probe),
+                None => everything(query, &self.bounds).hit.is_some(),
             };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
         built.scene.occluded(&mut context, &mut ray)
     }
 
-    pub(super) fn bounds(&self) -> Bounds {
-        self.bounds
-    }
-
     pub(super) fn memory_bytes(&self) -> usize {
         let far = |built: &Built| built.far.as_ref().map_or(0, Bvh2::memory_bytes);
-        self.built.as_ref().map_or(0, |built| built.bytes + far(built))
+        self.built.as_ref().map_or(0, |built| built.bytes + far(built) + size_of_val(&*built.prims))
     }
 }
 
 /// One ray on its way through the tree.
 struct Query<'a> {
-    geometry: &'a Geometry,
+    ground: Ground<'a>,
+    built: &'a Built,
     probe: &'a RayProbe,
     nearest: Nearest,
     t_scale: f64,
 }
 
 /// Tests every primitive, if the ray meets the box of all.
-fn everything(query: Query<'_>) -> Nearest {
+fn everything(query: Query<'_>, bounds: &Bounds) -> Nearest {
     let mut nearest = query.nearest;
-    let (near, far) = query.probe.interval(&query.geometry.bounds());
+    let (near, far) = query.probe.interval(bounds);
     if !(near <= far) {
         return nearest;
     }
-    for prim in 0..query.geometry.prim_count() {
-        if let Some(hit) = query.geometry.intersect_probe(prim, query.probe, nearest.limit) {
+    for prim in &query.built.prims {
+        if let Some(hit) = query.ground.intersect(*prim, query.probe, nearest.limit) {
             nearest.take(hit);
         }
     }
@@ -188,7 +195,8 @@ fn intersect(args: &mut IntersectFunctionNArgs<'_, ()>) {
     // `closest` is the only one to trace nearest hits through them, always
     // with a context that carries a `Query`.
     let query = unsafe { args.context_ext_mut::<Query<'_>>() };
-    let Some(hit) = query.geometry.intersect_probe(prim, query.probe, query.nearest.limit) else { return };
+    let prim = query.built.prims[prim as usize];
+    let Some(hit) = query.ground.intersect(prim, query.probe, query.nearest.limit) else { return };
     query.nearest.take(hit);
     let far = far_end(query.nearest.limit, query.t_scale);
     // Single rays come alone.
@@ -200,7 +208,8 @@ fn occluded(args: &mut OccludedFunctionNArgs<'_, ()>) {
     let prim = args.prim_id();
     // SAFETY: as above, with `occluded` as the only one to trace any hit.
     let query = unsafe { args.context_ext::<Query<'_>>() };
-    if query.geometry.intersect_probe(prim, query.probe, query.probe.t_max).is_some() {
+    let prim = query.built.prims[prim as usize];
+    if query.ground.intersect(prim, query.probe, query.probe.t_max).is_some() {
         args.set_occluded(0);
     }
 }
@@ -354,7 +363,7 @@ impl Maker {
         }
         *self.boxes.write().unwrap_or_else(PoisonError::into_inner) = Vec::new();
         let bytes = (self.bytes.load(Ordering::Relaxed) - before).max(0) as usize;
-        Ok(Built { scene: self.scene, bytes, far: None })
+        Ok(Built { scene: self.scene, bytes, far: None, prims: Vec::new() })
     }
 }
 
@@ -406,7 +415,13 @@ impl EmbreeNative {
         }
         let (hit, t) = (found.hit, found.ray.tfar);
         let first = if hit.geomID == 0 && self.triangles > 0 { 0 } else { self.triangles };
-        hit.is_valid().then(|| Hit { t, prim: first + hit.primID, u: hit.u, v: hit.v })
+        hit.is_valid().then(|| Hit {
+            t,
+            prim: first + hit.primID,
+            u: hit.u,
+            v: hit.v,
+            instance: Hit::NO_INSTANCE,
+        })
     }
 
     /// Whether Embree finds any hit.

@@ -10,11 +10,14 @@
 //! Interface. A kind is built from a [`Geometry`] and asked with the geometry
 //! at hand, so that it may keep as little or as much of it as it likes. Builder,
 //! optimiser and layout are apart: both trees are made from a finished binary
-//! one. What is to come fits in: an instance is a primitive whose
-//! test transforms the ray and asks a nested accelerator; motion doubles the
-//! boxes of a node and blends them by `Ray::time`. `Embree` (cargo feature
-//! `embree`) keeps its own scene and has hits decided by
-//! `Geometry::intersect_probe`.
+//! one. `Embree` (cargo feature `embree`) keeps its own scene and has hits
+//! decided by our tests.
+//!
+//! An instance is a primitive whose test takes the ray into the space of its
+//! group and asks the group's own tree (`ground`); one that moves has the box
+//! of its whole way. A group that deforms has a tree for each slice of the
+//! shutter. So motion changes no node and no kernel, and costs nothing where
+//! nothing moves.
 
 mod brute;
 mod build;
@@ -23,6 +26,7 @@ mod bvh8;
 mod collapse;
 #[cfg(feature = "embree")]
 mod embree;
+mod ground;
 mod reinsert;
 mod simd;
 mod simd8;
@@ -39,14 +43,16 @@ pub use bvh8::{Bvh8, Quality};
 pub use embree::{Embree, EmbreeMode, EmbreeNative};
 pub use stats::Stats;
 
+use ground::{Ground, Group, Slice};
+
 use crate::desc::{Error, Result, kinds};
 use crate::math::{Bounds, Ray};
 use crate::shape::{Geometry, Hit, RayProbe};
 
 kinds! {
-    /// An accelerator over the primitives of one [`Geometry`].
+    /// A tree over the primitives of one part of a [`Geometry`].
     #[derive(Clone, Debug)]
-    pub enum Accel {
+    pub enum Tree {
         /// Every primitive in turn: the oracle.
         Brute(Brute) = ["brute"],
         /// A binary tree of boxes by the surface area heuristic.
@@ -59,7 +65,75 @@ kinds! {
     }
 }
 
+/// Calls the method of whichever kind it is.
+macro_rules! dispatch {
+    ($self:expr, $kind:ident => $call:expr) => {
+        match $self {
+            Tree::Brute($kind) => $call,
+            Tree::Bvh2($kind) => $call,
+            Tree::Bvh8($kind) => $call,
+            #[cfg(feature = "embree")]
+            Tree::Embree($kind) => $call,
+        }
+    };
+}
+
+impl Tree {
+    fn build(name: &str, quality: Quality, geometry: &Geometry, slice: Slice) -> Result<Tree> {
+        match name {
+            "brute" => Ok(Brute::of(geometry, slice).into()),
+            "bvh2" => Ok(Bvh2::of(geometry, slice)?.into()),
+            "bvh8" => Ok(Bvh8::of(geometry, slice, quality)?.into()),
+            #[cfg(feature = "embree")]
+            "embree" => Ok(Embree::of(geometry, slice)?.into()),
+            #[cfg(not(feature = "embree"))]
+            "embree" => Err(Error::new("this program was built without Embree")
+                .hint("build it with `cargo build --release --features embree`")),
+            other => Err(Error::new(format!("unknown accelerator `{other}`"))
+                .suggest(other, Accel::NAMES.iter().copied())),
+        }
+    }
+
+    #[inline]
+    fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+        dispatch!(self, tree => tree.closest(ground, probe))
+    }
+
+    #[inline]
+    fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+        dispatch!(self, tree => tree.occluded(ground, probe))
+    }
+
+    fn memory_bytes(&self) -> usize {
+        dispatch!(self, tree => tree.memory_bytes())
+    }
+}
+
+/// An accelerator over a whole [`Geometry`]: a tree for its top and trees for
+/// its groups, all of one kind.
+#[derive(Clone, Debug)]
+pub struct Accel {
+    top: Tree,
+    groups: Vec<Group>,
+    bounds: Bounds,
+}
+
+/// For a geometry without groups.
+macro_rules! from_tree {
+    ($($kind:ty),*) => {
+        $(impl From<$kind> for Accel {
+            fn from(tree: $kind) -> Accel {
+                Accel { bounds: tree.bounds(), top: tree.into(), groups: Vec::new() }
+            }
+        })*
+    };
+}
+from_tree!(Brute, Bvh2, Bvh8);
+
 impl Accel {
+    /// Names of the kinds in options.
+    pub const NAMES: &'static [&'static str] = Tree::NAMES;
+
     /// Builds the kind of a name, the best one when there is none, at the
     /// default quality: see [`Accel::build`].
     pub fn build_named(name: Option<&str>, geometry: &Geometry) -> Result<Accel> {
@@ -69,20 +143,20 @@ impl Accel {
     /// Builds the kind of a name; the best one when there is none. `quality`
     /// is for those that know degrees. Fails on an unknown name, or when the
     /// geometry is too large for the kind. The same geometry gives the same
-    /// tree whatever the number of threads.
+    /// trees whatever the number of threads.
     pub fn build(name: Option<&str>, quality: Quality, geometry: &Geometry) -> Result<Accel> {
-        match name.unwrap_or("bvh8") {
-            "brute" => Ok(Brute::new(geometry).into()),
-            "bvh2" => Ok(Bvh2::new(geometry)?.into()),
-            "bvh8" => Ok(Bvh8::new(geometry, quality)?.into()),
-            #[cfg(feature = "embree")]
-            "embree" => Ok(Embree::new(geometry)?.into()),
-            #[cfg(not(feature = "embree"))]
-            "embree" => Err(Error::new("this program was built without Embree")
-                .hint("build it with `cargo build --release --features embree`")),
-            other => Err(Error::new(format!("unknown accelerator `{other}`"))
-                .suggest(other, Accel::NAMES.iter().copied())),
-        }
+        let name = name.unwrap_or("bvh8");
+        let tree = |slice| Tree::build(name, quality, geometry, slice);
+        let group = |part| {
+            let slices: Result<Vec<Tree>> = Slice::of_part(geometry, part).into_iter().map(tree).collect();
+            Ok(Group { slices: slices? })
+        };
+        let groups: Result<Vec<Group>> = (1..geometry.parts()).map(group).collect();
+        Ok(Accel { top: tree(Slice::TOP)?, groups: groups?, bounds: geometry.bounds() })
+    }
+
+    fn ground<'a>(&'a self, geometry: &'a Geometry) -> Ground<'a> {
+        Ground { geometry, groups: &self.groups }
     }
 
     /// The nearest hit with 0 < t < `ray.t_max`. `None` also for rays that are
@@ -91,13 +165,7 @@ impl Accel {
     #[inline]
     pub fn closest(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let probe = RayProbe::new(ray)?;
-        match self {
-            Accel::Brute(brute) => brute.closest(geometry, &probe),
-            Accel::Bvh2(bvh) => bvh.closest(geometry, &probe),
-            Accel::Bvh8(bvh) => bvh.closest(geometry, &probe),
-            #[cfg(feature = "embree")]
-            Accel::Embree(embree) => embree.closest(geometry, &probe),
-        }
+        self.top.closest(self.ground(geometry), &probe)
     }
 
     /// True when anything is hit with 0 < t < `ray.t_max`. False for rays that
@@ -106,61 +174,51 @@ impl Accel {
     #[inline]
     pub fn occluded(&self, geometry: &Geometry, ray: &Ray) -> bool {
         let Some(probe) = RayProbe::new(ray) else { return false };
-        match self {
-            Accel::Brute(brute) => brute.occluded(geometry, &probe),
-            Accel::Bvh2(bvh) => bvh.occluded(geometry, &probe),
-            Accel::Bvh8(bvh) => bvh.occluded(geometry, &probe),
-            #[cfg(feature = "embree")]
-            Accel::Embree(embree) => embree.occluded(geometry, &probe),
-        }
+        self.top.occluded(self.ground(geometry), &probe)
     }
 
     /// The box of everything; empty for an empty geometry.
     #[must_use]
     pub fn bounds(&self) -> Bounds {
-        match self {
-            Accel::Brute(brute) => brute.bounds(),
-            Accel::Bvh2(bvh) => bvh.bounds(),
-            Accel::Bvh8(bvh) => bvh.bounds(),
-            #[cfg(feature = "embree")]
-            Accel::Embree(embree) => embree.bounds(),
-        }
+        self.bounds
     }
 
     /// Memory beyond that of the geometry, in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        match self {
-            Accel::Brute(_) => 0,
-            Accel::Bvh2(bvh) => bvh.memory_bytes(),
-            Accel::Bvh8(bvh) => bvh.memory_bytes(),
-            #[cfg(feature = "embree")]
-            Accel::Embree(embree) => embree.memory_bytes(),
-        }
+        let groups = self.groups.iter().flat_map(|g| &g.slices).map(Tree::memory_bytes).sum::<usize>();
+        self.top.memory_bytes() + groups
     }
 
     /// Its name in options.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Accel::Brute(_) => "brute",
-            Accel::Bvh2(_) => "bvh2",
-            Accel::Bvh8(_) => "bvh8",
+        match &self.top {
+            Tree::Brute(_) => "brute",
+            Tree::Bvh2(_) => "bvh2",
+            Tree::Bvh8(_) => "bvh8",
             #[cfg(feature = "embree")]
-            Accel::Embree(_) => "embree",
+            Tree::Embree(_) => "embree",
         }
     }
 
-    /// Numbers about a tree; all zero for kinds without one, and for Embree,
-    /// which does not tell.
+    /// Trees of groups: of how many, and how many slices of the shutter they
+    /// have together.
+    #[must_use]
+    pub fn group_trees(&self) -> (usize, usize) {
+        (self.groups.len(), self.groups.iter().map(|g| g.slices.len()).sum())
+    }
+
+    /// Numbers about the tree of the top; all zero for kinds without one, and
+    /// for Embree, which does not tell.
     #[must_use]
     pub fn stats(&self) -> Stats {
-        match self {
-            Accel::Brute(_) => Stats::default(),
-            Accel::Bvh2(bvh) => bvh.stats(),
-            Accel::Bvh8(bvh) => bvh.stats(),
+        match &self.top {
+            Tree::Brute(_) => Stats::default(),
+            Tree::Bvh2(bvh) => bvh.stats(),
+            Tree::Bvh8(bvh) => bvh.stats(),
             #[cfg(feature = "embree")]
-            Accel::Embree(_) => Stats::default(),
+            Tree::Embree(_) => Stats::default(),
         }
     }
 }
@@ -183,7 +241,7 @@ impl Nearest {
     /// Takes a hit below `limit`, unless it ties with one of a lower id.
     #[inline(always)]
     fn take(&mut self, hit: Hit) {
-        if self.hit.is_some_and(|best| hit.t == best.t && hit.prim > best.prim) {
+        if self.hit.is_some_and(|best| hit.t == best.t && hit.rank() > best.rank()) {
             return;
         }
         self.limit = hit.t.next_up();

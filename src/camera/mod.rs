@@ -14,17 +14,19 @@
 //! | `to_world` | identity | camera to world |
 //! | `near_clip`, `far_clip` | 0.01, 10000 | distances of the clip planes along the view |
 //! | `focus_distance` | `far_clip` | distance of the plane in focus; only a lens reads it |
-//! | `shutter_open`, `shutter_close` | 0, 0 | times; nothing moves, so only their order matters |
+//! | `shutter_open`, `shutter_close` | 0, 0 | times, in the unit of the scene's animations |
 //!
 //! A `<film>` and a `<sampler>` inside are read elsewhere.
 
+mod motion;
 mod orthographic;
 mod parse;
 mod perspective;
 mod thinlens;
 
+pub use motion::CameraMotion;
 pub use orthographic::Orthographic;
-pub use parse::camera_position;
+pub use parse::{camera_position, shutter};
 pub use perspective::Perspective;
 pub use thinlens::ThinLens;
 

@@ -4,21 +4,37 @@ use glam::DVec2;
 
 use super::{Camera, Clip, FilmSize, Orthographic, Perspective, Pose, ThinLens};
 use crate::desc::{Category, ObjectId, Params, Result, SceneDesc};
-use crate::math::{DVec3, Transform};
+use crate::math::{DVec3, Motion, Transform};
 
 /// Where the camera of the `<sensor>` object `id` stands in the world: what to
 /// recentre the scene on.
 pub fn camera_position(scene: &SceneDesc, id: ObjectId) -> Result<DVec3> {
-    Ok(scene.params(id).transform("to_world")?.point(DVec3::ZERO))
+    Ok(pose_at_opening(scene, id)?.point(DVec3::ZERO))
+}
+
+/// When the shutter opens and closes, in the unit of the scene's animations.
+pub fn shutter(scene: &SceneDesc, id: ObjectId) -> Result<[f64; 2]> {
+    shutter_of(&scene.params(id))
+}
+
+/// The camera's motion over the shutter, [0, 1], in the scene's own world.
+pub(super) fn motion(scene: &SceneDesc, id: ObjectId) -> Result<Motion> {
+    let [open, close] = shutter(scene, id)?;
+    Ok(scene.params(id).motion("to_world")?.during(open, close))
+}
+
+fn pose_at_opening(scene: &SceneDesc, id: ObjectId) -> Result<Transform> {
+    Ok(motion(scene, id)?.at(0.0))
 }
 
 pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: DVec3) -> Result<Camera> {
     let params = scene.params(id);
-    let to_world = params.transform("to_world")?;
+    params.get("to_world");
+    let to_world = pose_at_opening(scene, id)?;
     let pose = Pose::new(to_world, recentre);
     let clip = clip(&params)?;
     let focus_distance = positive(&params, "focus_distance", clip.far)?;
-    shutter(&params)?;
+    shutter_of(&params)?;
     // Built by the rooms that own them.
     params.children(Category::Film);
     params.children(Category::Sampler);
@@ -77,7 +93,7 @@ fn clip(params: &Params) -> Result<Clip> {
     Ok(Clip { near, far })
 }
 
-fn shutter(params: &Params) -> Result<()> {
+fn shutter_of(params: &Params) -> Result<[f64; 2]> {
     let open = params.float("shutter_open", 0.0)?;
     let close = params.float("shutter_close", 0.0)?;
     if open > close {
@@ -86,7 +102,7 @@ fn shutter(params: &Params) -> Result<()> {
             format!("`shutter_open` ({open}) must not be later than `shutter_close` ({close})"),
         ));
     }
-    Ok(())
+    Ok([open, close])
 }
 
 /// A perspective camera takes rotations, mirrors and translations only.

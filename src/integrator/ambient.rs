@@ -30,7 +30,7 @@ impl AmbientOcclusion {
         if surface.ng.dot(wi) * surface.ng.dot(-ray.dir) <= 0.0 {
             return out;
         }
-        let mut probe = surface.spawn(wi, ray.time);
+        let mut probe = surface.spawn(wi);
         probe.t_max = self.distance;
         record.counters().shadow_rays += 1;
         if !scene.occluded(&probe) {

@@ -83,7 +83,7 @@ impl Direct {
     ) -> Rgb {
         let (lobe, u): (f32, Vec2) = camera.scatter(hit.scatter, i);
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else { return Rgb::ZERO };
-        let ray = hit.surface.spawn(sample.wi, 0.0);
+        let ray = hit.surface.spawn(sample.wi);
         record.counters().scatter_rays += 1;
         let (le, pdf) = match scene.closest(&ray) {
             None => scene.environment_and_pdf(ray.dir),

@@ -74,7 +74,7 @@ impl Integrator {
         let size = match self {
             Integrator::AmbientOcclusion(_) => 1.0,
             Integrator::Depth(_) => radius,
-            _ => scene.lights.iter().map(|l| l.magnitude(radius)).fold(0.0, f64::max),
+            _ => scene.magnitudes(radius).fold(0.0, f64::max),
         };
         if size > 0.0 && size.is_finite() { size.log2().ceil().exp2() } else { 1.0 }
     }
@@ -109,6 +109,8 @@ pub struct CameraSample {
 mod dimension {
     /// Position on the lens.
     pub const LENS: u32 = 1;
+    /// Time of the shutter.
+    pub const TIME: u32 = 2;
     /// First of a vertex's dimensions.
     const VERTEX: u32 = 8;
     const PER_VERTEX: u32 = 8;
@@ -136,8 +138,9 @@ impl CameraSample {
     pub fn new(scene: &Scene, pixel: (i32, i32), sampler: Sampler) -> (CameraSample, Vec2) {
         let (offset, first_light) = sampler.pixel_and_light();
         let lens = if scene.plan.lens { sampler.get_2d(dimension::LENS) } else { Vec2::splat(0.5) };
+        let time = if scene.plan.motion { sampler.get_1d(dimension::TIME) } else { 0.0 };
         let film = Vec2::new(pixel.0 as f32 + offset.x, pixel.1 as f32 + offset.y);
-        let ray = scene.camera.ray(film, lens, 0.0);
+        let ray = scene.camera_ray(film, lens, time);
         (CameraSample { ray, sampler, first_light, layers: false }, offset)
     }
 
@@ -181,7 +184,7 @@ pub fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> 
     match &light.target {
         Target::Surface(target) => surface.spawn_to(target),
         Target::Point(p) => surface.spawn_to_point(*p),
-        Target::Infinite => surface.spawn(light.wi, 0.0),
+        Target::Infinite => surface.spawn(light.wi),
     }
 }
 
@@ -210,7 +213,7 @@ fn first_hit<R: Record>(scene: &Scene, ray: &mut Ray, skip_lights: bool, record:
         }
         let surface = scene.surface(ray, &hit);
         let far = ray.at(ray.t_max);
-        let mut next = surface.spawn(ray.dir, ray.time);
+        let mut next = surface.spawn(ray.dir);
         if ray.t_max.is_finite() {
             next.t_max = (far - next.origin).length();
         }

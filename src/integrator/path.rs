@@ -203,7 +203,7 @@ impl Path {
         });
         state.beta *= sample.weight;
         state.eta *= sample.eta;
-        state.ray = hit.surface.spawn(sample.wi, state.ray.time);
+        state.ray = hit.surface.spawn(sample.wi);
         state.last = Last { receiver: hit.receiver(), pdf: sample.pdf, delta: sample.delta };
         state.bounce += 1;
         Some(sample.null)

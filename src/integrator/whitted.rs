@@ -137,7 +137,7 @@ impl Whitted {
                 }
                 let wi = lobe.frame.to_world(sample.wi);
                 record.event(|| Event::Scatter { wi, weight, pdf: 1.0, delta: true });
-                let ray = hit.surface.spawn(wi, 0.0);
+                let ray = hit.surface.spawn(wi);
                 record.counters().scatter_rays += 1;
                 radiance += weight
                     * match scene.closest(&ray) {

@@ -18,6 +18,25 @@ pub struct AreaEmission {
     pub weight: f32,
 }
 
+impl AreaEmission {
+    /// Radiance that leaves `point` of the shape towards unit `wo` (world).
+    /// Zero behind the surface and along it.
+    #[must_use]
+    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
+        self.front(point.ns, wo, point.uv)
+    }
+
+    fn front(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
+        if n.dot(wo) > 0.0 { self.radiance.eval(uv) } else { Rgb::ZERO }
+    }
+
+    /// The size of what is emitted, for the unit of exact sums.
+    #[must_use]
+    pub fn magnitude(&self) -> f64 {
+        grey(self.radiance.mean())
+    }
+}
+
 /// A shape that emits from its front: the side its shading normal points to,
 /// as a ray that hits a light finds it in Mitsuba.
 ///
@@ -37,7 +56,7 @@ impl AreaLight {
     /// Zero behind the surface and along it.
     #[must_use]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.front(point.ns, wo, point.uv)
+        self.emission.emitted(point, wo)
     }
 
     /// Density per solid angle at `ref_p` with which [`super::Light::sample`]
@@ -64,7 +83,7 @@ impl AreaLight {
             None => self.sampler.sample(geometry, receiver.p, u),
             Some(prim) => self.sampler.sample_prim(geometry, prim, receiver.p, u),
         }?;
-        let radiance = self.front(chosen.n, -chosen.wi, chosen.uv);
+        let radiance = self.emission.front(chosen.n, -chosen.wi, chosen.uv);
         Some(LightSample {
             wi: chosen.wi,
             radiance,
@@ -72,10 +91,6 @@ impl AreaLight {
             delta: false,
             target: Target::Surface(chosen),
         })
-    }
-
-    fn front(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
-        if n.dot(wo) > 0.0 { self.emission.radiance.eval(uv) } else { Rgb::ZERO }
     }
 
     pub(super) fn power(&self) -> f64 {

@@ -73,11 +73,33 @@ impl Motion {
         MotionKey::between(a, b, (time - a.time) / (b.time - a.time))
     }
 
-    /// This motion seen through fixed transforms: `outer` after it, after `inner`.
-    /// Exact at the keys; between them it is the interpolation of the products.
+    /// The motion with every key changed by `f`.
     #[must_use]
     pub fn map(&self, f: impl Fn(&Transform) -> Transform) -> Motion {
         let keys: Vec<_> = self.keys.iter().map(|k| (k.time, f(&k.transform))).collect();
+        Motion::new(&keys).unwrap_or_else(|| self.clone())
+    }
+
+    /// `self` after `inner`. Exact at the keys of both; where both move, a turn
+    /// about a point that moves is no single turn, so keys are added between.
+    #[must_use]
+    pub fn after(&self, inner: &Motion) -> Motion {
+        if let Some(outer) = self.as_still() {
+            return inner.map(|m| outer.after(m));
+        }
+        if let Some(inner) = inner.as_still() {
+            return self.map(|m| m.after(&inner));
+        }
+        const BETWEEN: u32 = 8;
+        let mut times: Vec<f64> = self.times().chain(inner.times()).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let step = |pair: &[f64], i: u32| pair[0] + (pair[1] - pair[0]) * f64::from(i) / f64::from(BETWEEN);
+        let between = times.windows(2).flat_map(|pair| (1..BETWEEN).map(move |i| step(pair, i)));
+        let mut all: Vec<f64> = times.iter().copied().chain(between).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        let keys: Vec<_> = all.iter().map(|t| (*t, self.at(*t).after(&inner.at(*t)))).collect();
         Motion::new(&keys).unwrap_or_else(|| self.clone())
     }
 

@@ -20,6 +20,8 @@ pub struct Ray {
     /// The planar primitive at the far end of a shadow ray: the light, which
     /// must not shadow itself.
     pub skip_end: u32,
+    /// The instance that `skip` is in; [`Ray::NO_SKIP`] when it is in none.
+    pub skip_instance: u32,
 }
 
 impl Ray {
@@ -29,7 +31,15 @@ impl Ray {
     /// A ray without end and with nothing to skip, at time 0.
     #[must_use]
     pub fn new(origin: Vec3, dir: Vec3) -> Ray {
-        Ray { origin, dir, t_max: f32::INFINITY, time: 0.0, skip: Ray::NO_SKIP, skip_end: Ray::NO_SKIP }
+        Ray {
+            origin,
+            dir,
+            t_max: f32::INFINITY,
+            time: 0.0,
+            skip: Ray::NO_SKIP,
+            skip_end: Ray::NO_SKIP,
+            skip_instance: Ray::NO_SKIP,
+        }
     }
 
     /// The point at parameter `t`.

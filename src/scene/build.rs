@@ -3,37 +3,41 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::shapes::GroupContents;
 use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene, Traits};
 use crate::accel::{Accel, Quality};
-use crate::camera::{Camera, FilmSize, camera_position};
+use crate::camera::{Camera, CameraMotion, FilmSize, camera_position, shutter};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
-use crate::light::{AreaEmission, AreaLight, Light, area_emission_from_desc, emitter_from_desc};
+use crate::light::{AreaEmission, AreaLight, Light, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
-use crate::math::{DVec3, Transform};
-use crate::shape::{GeometryBuilder, MeshOptions, ShapeId, ShapeSampler};
+use crate::math::DVec3;
+use crate::shape::{GeometryBuilder, ShapeId, ShapeSampler};
 use crate::texture::{Usage, texture_from_desc};
 
-/// Scene-file names of all shapes.
-const SHAPES: &[&str] =
-    &["obj", "ply", "serialized", "mesh", "rectangle", "cube", "sphere", "disk", "cylinder"];
-
 /// A light under construction: area lights need the finished geometry.
-enum Pending {
+pub(super) enum Pending {
     Ready(Light),
     Area { shape: ShapeId, emission: AreaEmission, object: ObjectId },
 }
 
-struct Builder<'a> {
-    desc: &'a SceneDesc,
-    recentre: DVec3,
-    geometry: GeometryBuilder,
-    material_builder: MaterialBuilder,
+pub(super) struct Builder<'a> {
+    pub desc: &'a SceneDesc,
+    pub recentre: DVec3,
+    /// When the shutter opens and closes.
+    pub shutter: [f64; 2],
+    pub geometry: GeometryBuilder,
+    pub material_builder: MaterialBuilder,
     materials: Vec<Arc<Material>>,
-    material_of_shape: Vec<u32>,
+    pub material_of_shape: Vec<u32>,
     material_index: HashMap<*const Material, u32>,
-    pending: Vec<Pending>,
-    plan: Plan,
+    pub pending: Vec<Pending>,
+    /// Light of shapes in groups, which only scattered rays find.
+    pub glows: Vec<(ShapeId, AreaEmission)>,
+    pub groups: HashMap<ObjectId, Arc<GroupContents>>,
+    /// Shapes go into a group.
+    pub in_group: bool,
+    pub plan: Plan,
 }
 
 impl Scene {
@@ -47,17 +51,23 @@ impl Scene {
         let sensor = one_sensor(&root)?;
         let (film, samples_per_pixel, file_sampler) = read_sensor(desc, sensor, options)?;
         let recentre = camera_position(desc, sensor)?;
+        let shutter = shutter(desc, sensor)?;
+        let camera_motion = CameraMotion::from_desc(desc, sensor, recentre)?;
         let film_size = FilmSize { width: film.size[0], height: film.size[1] };
         let camera = Camera::from_desc(desc, sensor, film_size, recentre)?;
         let mut builder = Builder {
             desc,
             recentre,
+            shutter,
             geometry: GeometryBuilder::new(),
             material_builder: MaterialBuilder::default(),
             materials: Vec::new(),
             material_of_shape: Vec::new(),
             material_index: HashMap::new(),
             pending: Vec::new(),
+            glows: Vec::new(),
+            groups: HashMap::new(),
+            in_group: false,
             plan: Plan { lens: camera.needs_lens(), file_sampler, ..Plan::default() },
         };
         // Definitions are checked even when nothing uses them.
@@ -70,20 +80,21 @@ impl Scene {
         for (_, id) in root.children(Category::Emitter) {
             builder.emitter(id)?;
         }
-        for (_, id) in root.children(Category::Shape) {
-            builder.shape(id)?;
-        }
+        let shapes: Vec<ObjectId> = root.children(Category::Shape).iter().map(|(_, id)| *id).collect();
+        builder.shapes(&shapes)?;
         root.children(Category::Integrator);
         root.children(Category::Sensor);
         if let Some((_, id)) = root.children(Category::Medium).first() {
             return Err(no_media(desc, *id));
         }
         root.finish()?;
-        builder.finish(camera, film, samples_per_pixel, options)
+        let mut scene = builder.finish(camera, film, samples_per_pixel, options)?;
+        scene.set_camera_motion(camera_motion);
+        Ok(scene)
     }
 }
 
-fn no_media(desc: &SceneDesc, id: ObjectId) -> Error {
+pub(super) fn no_media(desc: &SceneDesc, id: ObjectId) -> Error {
     desc.error(desc.object(id).pos, "participating media are not supported")
         .hint("surfaces with `dielectric` or `roughdielectric` are the nearest thing")
 }
@@ -151,119 +162,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn shape(&mut self, id: ObjectId) -> Result<()> {
-        let desc = self.desc;
-        let params = desc.params(id);
-        let emitters = params.children(Category::Emitter);
-        let bsdfs = params.children(Category::Bsdf);
-        if let Some((_, medium)) = params.children(Category::Medium).first() {
-            return Err(no_media(desc, *medium));
-        }
-        if let [_, (_, second), ..] = bsdfs.as_slice() {
-            return Err(desc.error(desc.object(*second).pos, "a shape has one bsdf only"));
-        }
-        let material = match bsdfs.first() {
-            Some((_, bsdf)) => self.material_builder.build(desc, *bsdf)?,
-            None => Arc::new(Material::default_for(!emitters.is_empty())),
-        };
-        let emission = match emitters.as_slice() {
-            [] => None,
-            [(_, emitter)] => Some(area_emission_from_desc(desc, *emitter)?),
-            [_, (_, second), ..] => {
-                return Err(desc.error(desc.object(*second).pos, "a shape has one emitter only"));
-            }
-        };
-        let textured_light = emission.as_ref().is_some_and(|e| e.radiance.is_constant().is_none());
-        let shape = self.geometry(&params, &material, textured_light)?;
-        params.finish()?;
-        let Some(shape) = shape else { return Ok(()) };
-        let index = self.material_id(material);
-        let slot = shape as usize;
-        if self.material_of_shape.len() <= slot {
-            self.material_of_shape.resize(slot + 1, 0);
-        }
-        self.material_of_shape[slot] = index;
-        if let Some(emission) = emission {
-            self.pending.push(Pending::Area { shape, emission, object: id });
-        }
-        Ok(())
-    }
-
-    /// Adds the primitives of a shape; `None` when it has none.
-    fn geometry(
-        &mut self,
-        params: &Params,
-        material: &Material,
-        textured_light: bool,
-    ) -> Result<Option<ShapeId>> {
-        let object = params.object();
-        let to_world = Transform::translate(-self.recentre).after(&params.transform("to_world")?);
-        let flip = params.bool("flip_normals", false)?;
-        let options = |face_normals| MeshOptions {
-            flip_normals: flip,
-            face_normals,
-            keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
-            keep_tangents: material.needs_tangents(),
-        };
-        let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
-        self.plan.shapes += 1;
-        let shape = match object.plugin.as_str() {
-            "obj" | "ply" | "serialized" | "mesh" => {
-                let options = options(params.bool("face_normals", false)?);
-                let mesh = params
-                    .mesh()
-                    .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", object.plugin)))?;
-                return self.mesh(mesh, &to_world, options).map_err(at);
-            }
-            "cube" => {
-                let options = options(params.bool("face_normals", false)?);
-                return self.geometry.add_cube(&to_world, options).map(|(s, _)| Some(s)).map_err(at);
-            }
-            "rectangle" => self.geometry.add_rectangle(&to_world, flip),
-            "disk" => self.geometry.add_disk(&to_world, flip),
-            "sphere" => {
-                let centre = params.vector_opt("center")?.unwrap_or(DVec3::ZERO);
-                let radius = params.float("radius", 1.0)?;
-                self.geometry.add_sphere(centre, radius, &to_world, flip)
-            }
-            "cylinder" => {
-                let p0 = params.vector_opt("p0")?.unwrap_or(DVec3::ZERO);
-                let p1 = params.vector_opt("p1")?.unwrap_or(DVec3::Z);
-                let radius = params.float("radius", 1.0)?;
-                self.geometry.add_cylinder([p0, p1], radius, &to_world, flip)
-            }
-            name => {
-                return Err(params
-                    .error(format!("unknown shape `{name}`"))
-                    .suggest(name, SHAPES.iter().copied()));
-            }
-        };
-        shape.map(Some).map_err(at)
-    }
-
-    fn mesh(
-        &mut self,
-        mesh: &crate::desc::Mesh,
-        to_world: &Transform,
-        options: MeshOptions,
-    ) -> Result<Option<ShapeId>> {
-        let keep_uvs = options.keep_uvs;
-        if mesh.triangles.is_empty() {
-            return Ok(None);
-        }
-        let (shape, report) = self.geometry.add_mesh(mesh, to_world, options)?;
-        self.plan.dropped_triangles += report.dropped;
-        self.plan.normal_meshes[usize::from(mesh.normals.is_empty())] += 1;
-        if !mesh.uvs.is_empty() {
-            self.plan.uv_meshes[usize::from(!keep_uvs)] += 1;
-            if !keep_uvs {
-                self.plan.saved_bytes += mesh.uvs.len() * size_of::<crate::math::Vec2>();
-            }
-        }
-        Ok(Some(shape))
-    }
-
-    fn material_id(&mut self, material: Arc<Material>) -> u32 {
+    pub(super) fn material_id(&mut self, material: Arc<Material>) -> u32 {
         let next = self.materials.len() as u32;
         let index = *self.material_index.entry(Arc::as_ptr(&material)).or_insert(next);
         if index == next {
@@ -306,6 +205,12 @@ impl Builder<'_> {
             }
             lights.push(light);
         }
+        let mut glows = Vec::new();
+        for (shape, emission) in std::mem::take(&mut self.glows) {
+            light_of_shape[shape as usize] = (lights.len() + glows.len()) as u32;
+            glows.push(emission);
+        }
+        self.plan.unsampled_lights = glows.len();
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
         self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
@@ -319,9 +224,11 @@ impl Builder<'_> {
             geometry,
             accel,
             camera,
+            camera_motion: None,
             film,
             samples_per_pixel: spp,
             lights,
+            glows,
             selection,
             environment,
             plan: self.plan,
@@ -342,7 +249,11 @@ impl Builder<'_> {
     ) {
         let plan = &mut self.plan;
         plan.triangles = geometry.triangle_count() as usize;
-        plan.analytic = geometry.prim_count() as usize - plan.triangles;
+        plan.analytic = geometry.analytic_count() as usize;
+        plan.deforming = geometry.moving_count() as usize;
+        plan.groups = geometry.parts() as usize - 1;
+        plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
+        plan.motion = geometry.moves();
         plan.materials = self.materials.len();
         for material in &self.materials {
             plan.bsdfs.extend(material.kinds());

@@ -8,6 +8,7 @@
 mod build;
 mod plan;
 mod select;
+mod shapes;
 
 pub use plan::Plan;
 pub use select::{Candidates, Choice, LightSelection};
@@ -15,9 +16,9 @@ pub use select::{Candidates, Choice, LightSelection};
 use std::sync::Arc;
 
 use crate::accel::Accel;
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraMotion};
 use crate::film::FilmSpec;
-use crate::light::{Light, LightSample, Receiver, Target};
+use crate::light::{AreaEmission, Light, LightSample, Receiver, Target};
 use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, SurfacePoint};
@@ -47,12 +48,17 @@ pub struct Scene {
     pub accel: Accel,
     /// The camera.
     pub camera: Camera,
+    /// How the camera moves while the shutter is open, if it does.
+    camera_motion: Option<CameraMotion>,
     /// Size, crop and filter of the film.
     pub film: FilmSpec,
     /// Samples per pixel that the file asks for.
     pub samples_per_pixel: u64,
     /// Lights that can be sampled.
     pub lights: Vec<Light>,
+    /// Light of shapes that are instanced or move: not sampled, found by
+    /// scattered rays. Their indices go on from those of the lights.
+    glows: Vec<AreaEmission>,
     /// How one of them is chosen.
     pub selection: LightSelection,
     /// Index of the environment among the lights.
@@ -159,10 +165,35 @@ impl Scene {
     /// Radiance that the surface point emits towards `wo`; zero if it is no light.
     #[must_use]
     pub fn emitted(&self, surface: &SurfacePoint, wo: Vec3) -> Rgb {
-        match self.light_of_shape(surface.shape).map(|i| &self.lights[i as usize]) {
+        let Some(index) = self.light_of_shape(surface.shape) else { return Rgb::ZERO };
+        match self.lights.get(index as usize) {
             Some(Light::Area(area)) => area.emitted(surface, wo),
-            _ => Rgb::ZERO,
+            Some(_) => Rgb::ZERO,
+            None => self.glows[index as usize - self.lights.len()].emitted(surface, wo),
         }
+    }
+
+    /// The ray through a point of the film and of the lens, at a time of the
+    /// shutter in [0, 1]: see [`Camera::ray`].
+    #[must_use]
+    pub fn camera_ray(&self, film: Vec2, lens: Vec2, time: f32) -> Ray {
+        let ray = self.camera.ray(film, lens, time);
+        match &self.camera_motion {
+            None => ray,
+            Some(motion) => motion.carry(&ray),
+        }
+    }
+
+    /// True when the camera moves while the shutter is open.
+    #[must_use]
+    pub fn camera_moves(&self) -> bool {
+        self.camera_motion.is_some()
+    }
+
+    pub(crate) fn set_camera_motion(&mut self, motion: Option<CameraMotion>) {
+        self.plan.motion |= motion.is_some();
+        self.plan.camera_motion = motion.is_some();
+        self.camera_motion = motion;
     }
 
     /// Radiance of the environment from direction `wi`; zero without one.
@@ -207,7 +238,7 @@ impl Scene {
         distance_squared: f32,
     ) -> f32 {
         let Some(index) = self.light_of_shape(surface.shape) else { return 0.0 };
-        let Light::Area(area) = &self.lights[index as usize] else { return 0.0 };
+        let Some(Light::Area(area)) = self.lights.get(index as usize) else { return 0.0 };
         let rate = self.selection.rate(receiver, index as usize, surface.prim);
         if rate == 0.0 {
             return 0.0;
@@ -234,6 +265,13 @@ impl Scene {
         let Some(i) = self.environment else { return (Rgb::ZERO, 0.0) };
         let (le, pdf) = self.lights[i as usize].environment_and_pdf(wi);
         (le, self.selection.rate_infinite(i as usize) * pdf)
+    }
+
+    /// The size of what each light gives, in a scene of this radius: see
+    /// [`Light::magnitude`].
+    pub fn magnitudes(&self, radius: f64) -> impl Iterator<Item = f64> + '_ {
+        let glows = self.glows.iter().map(AreaEmission::magnitude);
+        self.lights.iter().map(move |l| l.magnitude(radius)).chain(glows)
     }
 
     /// Bounds of all primitives, recentred.

@@ -12,6 +12,20 @@ pub struct Plan {
     pub triangles: usize,
     /// Spheres, disks, cylinders and rectangles.
     pub analytic: usize,
+    /// Triangles that deform while the shutter is open.
+    pub deforming: usize,
+    /// Groups of shapes.
+    pub groups: usize,
+    /// Instances of groups, nested ones multiplied out.
+    pub instances: usize,
+    /// Instances that move while the shutter is open.
+    pub moving_instances: usize,
+    /// The camera moves while the shutter is open.
+    pub camera_motion: bool,
+    /// Anything moves while the shutter is open.
+    pub motion: bool,
+    /// Lights of instanced or moving shapes, which scattered rays alone find.
+    pub unsampled_lights: usize,
     /// Triangles dropped because they have no area.
     pub dropped_triangles: usize,
     /// Shapes in the file.
@@ -67,7 +81,7 @@ impl Plan {
     /// Random dimensions of one path: (before the first vertex, per vertex).
     #[must_use]
     pub fn dimensions(&self) -> (u32, u32) {
-        let before = 2 + if self.lens { 2 } else { 0 };
+        let before = 2 + if self.lens { 2 } else { 0 } + u32::from(self.motion);
         let light = if self.smooth_surfaces && self.lights > 0 {
             2 + u32::from(self.lights > 1 || self.light_tree.is_some())
         } else {
@@ -81,7 +95,7 @@ impl Plan {
     #[must_use]
     pub fn summary(&self) -> String {
         format!(
-            "accel {}; {} triangles, {} analytic; lights {} ({}); bsdfs {}; lens {}; alpha {}; motion none",
+            "accel {}; {} triangles, {} analytic; lights {} ({}); bsdfs {}; lens {}; alpha {}; instances {}; motion {}",
             self.accel,
             self.triangles,
             self.analytic,
@@ -90,18 +104,22 @@ impl Plan {
             join(&self.bsdfs),
             yes(self.lens),
             yes(self.alpha),
+            self.instances,
+            self.moving_parts(),
         )
     }
 
     /// What was left out, one reason each.
     #[must_use]
     pub fn left_out(&self) -> Vec<String> {
-        let mut out = vec!["motion: nothing moves; no keys, no time dimension".to_owned()];
+        let mut out = Vec::new();
         let mut leave = |condition: bool, text: String| {
             if condition {
                 out.push(text);
             }
         };
+        leave(!self.motion, "motion: nothing moves; no keys, no time dimension".into());
+        leave(self.instances == 0, "instances: none; one tree, no second level".into());
         leave(!self.lens, "lens: a point aperture; 2 dimensions saved".into());
         leave(
             self.lights <= 1 && self.light_tree.is_none(),
@@ -149,6 +167,21 @@ impl Plan {
 }
 
 impl Plan {
+    /// What moves while the shutter is open, in words.
+    fn moving_parts(&self) -> String {
+        let mut parts = Vec::new();
+        if self.camera_motion {
+            parts.push("camera".to_owned());
+        }
+        if self.moving_instances > 0 {
+            parts.push(format!("{} instances", self.moving_instances));
+        }
+        if self.deforming > 0 {
+            parts.push(format!("{} deforming triangles", self.deforming));
+        }
+        if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
+    }
+
     /// The plan as JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
@@ -168,7 +201,15 @@ impl Plan {
             "environment": self.environment,
             "lens": self.lens,
             "alpha": self.alpha,
-            "motion": false,
+            "groups": self.groups,
+            "instances": self.instances,
+            "motion": {
+                "any": self.motion,
+                "camera": self.camera_motion,
+                "instances": self.moving_instances,
+                "triangles": self.deforming,
+            },
+            "unsampled_lights": self.unsampled_lights,
             "accel": self.accel,
             "file_sampler": self.file_sampler,
             "sampler": "owen-scrambled sobol",
@@ -192,6 +233,12 @@ impl fmt::Display for Plan {
             "  shapes      {} ({} triangles, {} analytic)",
             self.shapes, self.triangles, self.analytic
         )?;
+        if self.instances > 0 {
+            writeln!(f, "  instances   {} of {} groups", self.instances, self.groups)?;
+        }
+        if self.motion {
+            writeln!(f, "  motion      {}", self.moving_parts())?;
+        }
         writeln!(f, "  materials   {} ({})", self.materials, join(&self.bsdfs))?;
         writeln!(
             f,
@@ -200,6 +247,10 @@ impl fmt::Display for Plan {
             join(&self.light_kinds),
             self.light_candidates
         )?;
+        if self.unsampled_lights > 0 {
+            let n = self.unsampled_lights;
+            writeln!(f, "              {n} more move or are instanced: scattered rays alone find them")?;
+        }
         if let Some([leaves, nodes, memory]) = self.light_tree {
             writeln!(f, "  light tree  {leaves} emitters in {nodes} nodes of eight, {}", bytes(memory))?;
         }

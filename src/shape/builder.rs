@@ -1,13 +1,15 @@
 //! Collects shapes into a [`Geometry`].
 
+use super::deform::{self, Deformation};
+use super::geometry::Part;
 use super::linear::check_affine;
 use super::triangle;
-use super::{Analytic, Cylinder, Disk, Geometry, Rectangle, ShapeId, ShapeInfo, Sphere, mesh};
+use super::{Analytic, Cylinder, Disk, Geometry, Instance, Rectangle, ShapeId, ShapeInfo, Sphere, mesh};
 use crate::desc::{Error, Mesh, Result};
-use crate::math::{Bounds, DVec3, Transform, Vec3};
+use crate::math::{Bounds, DVec3, Motion, Transform, Vec3};
 
 /// How a mesh is added.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
     /// Turn all normals round. The winding stays.
     pub flip_normals: bool,
@@ -17,11 +19,19 @@ pub struct MeshOptions {
     pub keep_uvs: bool,
     /// Give ∂p/∂u and ∂p/∂v at hits; without, they are zero.
     pub keep_tangents: bool,
+    /// When the shutter opens and closes, in the unit of a deformation's times.
+    pub shutter: [f64; 2],
 }
 
 impl Default for MeshOptions {
     fn default() -> Self {
-        MeshOptions { flip_normals: false, face_normals: false, keep_uvs: true, keep_tangents: true }
+        MeshOptions {
+            flip_normals: false,
+            face_normals: false,
+            keep_uvs: true,
+            keep_tangents: true,
+            shutter: [0.0; 2],
+        }
     }
 }
 
@@ -37,6 +47,8 @@ pub struct MeshReport {
 #[derive(Clone, Debug, Default)]
 pub struct GeometryBuilder {
     geometry: Geometry,
+    /// Groups and how they are placed.
+    placed: Vec<(u32, Motion)>,
 }
 
 impl GeometryBuilder {
@@ -44,6 +56,32 @@ impl GeometryBuilder {
     #[must_use]
     pub fn new() -> GeometryBuilder {
         GeometryBuilder::default()
+    }
+
+    /// Begins a group: what is added from now on belongs to it, in its own
+    /// space, until the next group begins. All that is not in a group comes
+    /// before the first one. Gives the number of its part of the geometry.
+    pub fn begin_group(&mut self) -> u32 {
+        self.end_part();
+        self.geometry.parts.len() as u32
+    }
+
+    /// Closes the part that is being filled.
+    fn end_part(&mut self) {
+        let g = &mut self.geometry;
+        let start = g.parts.last().cloned().unwrap_or_default();
+        g.parts.push(Part {
+            triangles: start.triangles.end..g.triangles.len() as u32,
+            analytic: start.analytic.end..g.analytic.len() as u32,
+            moving: start.moving.end..g.moving.len() as u32,
+            bounds: None,
+        });
+    }
+
+    /// Places a group in the scene, by a motion over the shutter, [0, 1]. A
+    /// group that is empty gives nothing.
+    pub fn add_instance(&mut self, part: u32, motion: Motion) {
+        self.placed.push((part, motion));
     }
 
     /// Adds a mesh. Vertices are placed in f64 and rounded to f32 once.
@@ -57,55 +95,77 @@ impl GeometryBuilder {
         options: MeshOptions,
     ) -> Result<(ShapeId, MeshReport)> {
         check_affine(to_world)?;
+        check_mesh(mesh)?;
+        let keys = match mesh.deformation.as_slice() {
+            [] => Vec::new(),
+            keys => deform::during(keys, options.shutter[0], options.shutter[1]),
+        };
+        let copies = keys.len().max(1);
         let g = &mut self.geometry;
-        let first_vertex = g.positions.len();
+        let (first_vertex, vertex_count) = (g.positions.len(), mesh.positions.len());
         let limit = i32::MAX as usize;
-        if first_vertex + mesh.positions.len() > limit || g.triangles.len() + mesh.triangles.len() > limit {
+        let triangle_count = g.triangles.len() + g.moving.len() + mesh.triangles.len();
+        if first_vertex + vertex_count * copies > limit || triangle_count > limit {
             return Err(Error::new("more than 2^31 vertices or triangles"));
         }
-        let vertex_count = mesh.positions.len();
-        if mesh.triangles.iter().flatten().any(|i| *i as usize >= vertex_count) {
-            return Err(Error::new("a triangle of the mesh names a vertex that does not exist"));
-        }
-        let positions: Vec<Vec3> = mesh.positions.iter().map(|p| to_world.point_f32(*p)).collect();
 
         // Normals and texture coordinates live in arrays of their own.
         let base = |array: usize| Some(array as i64 - first_vertex as i64);
         let mut info = ShapeInfo {
-            first_prim: g.triangles.len() as u32,
+            first_prim: (if copies > 1 { g.moving.len() } else { g.triangles.len() }) as u32,
             prim_count: 0,
             kind: "mesh",
             flip: options.flip_normals,
             tangents: options.keep_tangents,
-            normals: None,
+            normals: (!options.face_normals).then_some(g.normals.len() as i64 - first_vertex as i64),
             uvs: None,
+            deformation: None,
         };
-        if !options.face_normals {
-            info.normals = base(g.normals.len());
-            let given = !mesh.normals.is_empty() && mesh.normals.len() == vertex_count;
-            g.normals.extend(if given {
-                mesh::transform_normals(&mesh.normals, to_world)
-            } else {
-                mesh::smooth_normals(&positions, &mesh.triangles)
-            });
-        }
         if options.keep_uvs && !mesh.uvs.is_empty() && mesh.uvs.len() == vertex_count {
             info.uvs = base(g.uvs.len());
             g.uvs.extend(&mesh.uvs);
         }
+        for copy in 0..copies {
+            let (positions, normals) = match keys.get(copy) {
+                Some(key) => (&key.positions, &key.normals),
+                None => (&mesh.positions, &mesh.normals),
+            };
+            let positions: Vec<Vec3> = positions.iter().map(|p| to_world.point_f32(*p)).collect();
+            if !options.face_normals {
+                let given = !normals.is_empty() && normals.len() == vertex_count;
+                g.normals.extend(if given {
+                    mesh::transform_normals(normals, to_world)
+                } else {
+                    mesh::smooth_normals(&positions, &mesh.triangles)
+                });
+            }
+            g.positions.extend(positions);
+        }
+        if copies > 1 {
+            info.deformation = Some(g.deformations.len() as u32);
+            let times = keys.iter().map(|k| k.time as f32).collect();
+            g.deformations.push(Deformation { times, stride: vertex_count as u32 });
+        }
 
-        // Triangles, without those that no ray can meet.
+        // Triangles, without those that no ray can meet at any time.
         let shape = g.shapes.len() as ShapeId;
         for indices in &mesh.triangles {
-            let vertices = indices.map(|i| positions[i as usize]);
-            let cross = triangle::cross(&vertices);
-            if cross.is_finite() && cross != DVec3::ZERO && cross.try_normalize().is_some() {
-                g.triangles.push(indices.map(|i| i + first_vertex as u32));
+            let indices = indices.map(|i| i + first_vertex as u32);
+            let has_area = |copy: usize| {
+                let offset = copy * vertex_count;
+                let cross = triangle::cross(&indices.map(|i| g.positions[i as usize + offset]));
+                cross.is_finite() && cross != DVec3::ZERO && cross.try_normalize().is_some()
+            };
+            if copies == 1 && has_area(0) {
+                g.triangles.push(indices);
                 g.triangle_shapes.push(shape);
+                info.prim_count += 1;
+            } else if copies > 1 && (0..copies).any(has_area) {
+                g.moving.push(indices);
+                g.moving_shapes.push(shape);
+                info.prim_count += 1;
             }
         }
-        info.prim_count = g.triangles.len() as u32 - info.first_prim;
-        g.positions.extend(positions);
         let dropped = mesh.triangles.len() - info.prim_count as usize;
         g.shapes.push(info);
         Ok((shape, MeshReport { dropped }))
@@ -163,6 +223,7 @@ impl GeometryBuilder {
             tangents: true,
             normals: None,
             uvs: None,
+            deformation: None,
         });
         g.analytic_bounds.push(triangle::widen(analytic.bounds()));
         g.analytic.push(analytic);
@@ -173,18 +234,43 @@ impl GeometryBuilder {
     /// All shapes together.
     #[must_use]
     pub fn finish(mut self) -> Geometry {
+        self.end_part();
         let g = &mut self.geometry;
-        let triangles = g.triangles.len() as u32;
+        let (triangles, analytic) = (g.triangles.len() as u32, g.analytic.len() as u32);
         for &shape in &g.analytic_shapes {
             g.shapes[shape as usize].first_prim += triangles;
+        }
+        for info in g.shapes.iter_mut().filter(|info| info.deformation.is_some()) {
+            info.first_prim += triangles + analytic;
         }
         g.positions.shrink_to_fit();
         g.normals.shrink_to_fit();
         g.uvs.shrink_to_fit();
         g.triangles.shrink_to_fit();
         g.triangle_shapes.shrink_to_fit();
-        let bounds = (0..g.prim_count()).map(|prim| g.prim_bounds(prim)).fold(Bounds::EMPTY, Bounds::union);
-        g.bounds = Some(bounds);
+        for part in (0..g.parts()).rev() {
+            if part == 0 {
+                // Every group has its box by now.
+                let placed = std::mem::take(&mut self.placed).into_iter();
+                let filled = placed.filter(|(part, _)| !g.part_bounds(*part).is_empty());
+                let instances =
+                    filled.map(|(part, m)| Instance::new(part, &g.part_bounds(part), &m)).collect();
+                g.instances = instances;
+            }
+            let boxes = g.part_prims(part).map(|prim| g.prim_bounds(prim));
+            g.parts[part as usize].bounds = Some(boxes.fold(Bounds::EMPTY, Bounds::union));
+        }
         self.geometry
     }
+}
+
+fn check_mesh(mesh: &Mesh) -> Result<()> {
+    let vertex_count = mesh.positions.len();
+    if mesh.triangles.iter().flatten().any(|i| *i as usize >= vertex_count) {
+        return Err(Error::new("a triangle of the mesh names a vertex that does not exist"));
+    }
+    if mesh.deformation.iter().any(|key| key.positions.len() != vertex_count) {
+        return Err(Error::new("a deforming mesh has another number of vertices at another time"));
+    }
+    Ok(())
 }

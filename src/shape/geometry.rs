@@ -1,7 +1,10 @@
 //! All primitives of a scene in flat arrays.
 
+use std::ops::Range;
+
+use super::deform::{Between, Deformation};
 use super::triangle;
-use super::{Analytic, Hit, PrimId, RayProbe, ShapeId, SurfacePoint};
+use super::{Analytic, Hit, Instance, PrimId, RayProbe, ShapeId, SurfacePoint};
 use crate::math::{Bounds, DVec3, Frame, Ray, Vec2, Vec3, gamma};
 
 /// One shape of the scene file.
@@ -21,6 +24,20 @@ pub struct ShapeInfo {
     /// its vertex 0, minus the index of that vertex.
     pub(crate) normals: Option<i64>,
     pub(crate) uvs: Option<i64>,
+    /// It deforms: index of its times.
+    pub(crate) deformation: Option<u32>,
+}
+
+/// The primitives of the top of a scene, or of a group.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Part {
+    pub triangles: Range<u32>,
+    /// Indices among the analytic primitives.
+    pub analytic: Range<u32>,
+    /// Indices among the deforming triangles.
+    pub moving: Range<u32>,
+    /// The box of all of them; for the top of instances too.
+    pub bounds: Option<Bounds>,
 }
 
 /// All primitives of a scene, immutable. Made by
@@ -37,14 +54,83 @@ pub struct Geometry {
     pub(crate) analytic_bounds: Vec<Bounds>,
     pub(crate) analytic_shapes: Vec<ShapeId>,
     pub(crate) shapes: Vec<ShapeInfo>,
-    pub(crate) bounds: Option<Bounds>,
+    pub(crate) moving: Vec<[u32; 3]>,
+    pub(crate) moving_shapes: Vec<ShapeId>,
+    pub(crate) deformations: Vec<Deformation>,
+    pub(crate) instances: Vec<Instance>,
+    /// The top, then the groups.
+    pub(crate) parts: Vec<Part>,
 }
 
 impl Geometry {
-    /// Number of primitives. Triangles come first.
+    /// Number of primitives, those of groups and instances included.
+    /// Triangles come first.
     #[must_use]
     pub fn prim_count(&self) -> u32 {
-        (self.triangles.len() + self.analytic.len()) as u32
+        self.first_instance() + self.instances.len() as u32
+    }
+
+    /// The id of the first instance.
+    #[must_use]
+    #[inline(always)]
+    pub fn first_instance(&self) -> PrimId {
+        (self.triangles.len() + self.analytic.len() + self.moving.len()) as u32
+    }
+
+    /// Number of analytic primitives.
+    #[must_use]
+    pub fn analytic_count(&self) -> u32 {
+        self.analytic.len() as u32
+    }
+
+    /// All instances; the id of the first is [`Geometry::first_instance`].
+    #[must_use]
+    pub fn instances(&self) -> &[Instance] {
+        &self.instances
+    }
+
+    /// The instance of an id.
+    #[must_use]
+    #[inline]
+    pub fn instance(&self, prim: PrimId) -> Option<&Instance> {
+        self.instances.get((prim as usize).checked_sub(self.first_instance() as usize)?)
+    }
+
+    /// Number of parts: 1 for the top of the scene, which is part 0 and has the
+    /// instances, and one for each group.
+    #[must_use]
+    pub fn parts(&self) -> u32 {
+        self.parts.len().max(1) as u32
+    }
+
+    /// The primitives of a part, by id.
+    pub fn part_prims(&self, part: u32) -> impl Iterator<Item = PrimId> + '_ {
+        let none = Part::default();
+        let p = self.parts.get(part as usize).unwrap_or(&none);
+        let first_analytic = self.triangles.len() as u32;
+        let first_moving = first_analytic + self.analytic.len() as u32;
+        let shift = |r: &Range<u32>, by: u32| r.start + by..r.end + by;
+        let instances = if part == 0 { self.first_instance()..self.prim_count() } else { 0..0 };
+        let (analytic, moving) = (shift(&p.analytic, first_analytic), shift(&p.moving, first_moving));
+        p.triangles.clone().chain(analytic).chain(moving).chain(instances)
+    }
+
+    /// True when some triangle of a part deforms.
+    #[must_use]
+    pub fn part_deforms(&self, part: u32) -> bool {
+        self.parts.get(part as usize).is_some_and(|p| !p.moving.is_empty())
+    }
+
+    /// The box of a part, in its own space.
+    #[must_use]
+    pub fn part_bounds(&self, part: u32) -> Bounds {
+        self.parts.get(part as usize).and_then(|p| p.bounds).unwrap_or(Bounds::EMPTY)
+    }
+
+    /// True when anything moves while the shutter is open.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        !self.moving.is_empty() || self.instances.iter().any(Instance::moves)
     }
 
     /// The vertices of all triangles.
@@ -82,7 +168,10 @@ impl Geometry {
     pub fn shape_of(&self, prim: PrimId) -> ShapeId {
         match (prim as usize).checked_sub(self.triangles.len()) {
             None => self.triangle_shapes[prim as usize],
-            Some(index) => self.analytic_shapes[index],
+            Some(index) => match index.checked_sub(self.analytic.len()) {
+                None => self.analytic_shapes[index],
+                Some(index) => self.moving_shapes[index],
+            },
         }
     }
 
@@ -101,23 +190,31 @@ impl Geometry {
         self.analytic.get((prim as usize).checked_sub(self.triangles.len())?)
     }
 
-    /// The box of a primitive, widened by the rounding of its intersection
-    /// test: every hit lies in it.
+    /// The box of a primitive at all times of the shutter, widened by the
+    /// rounding of its intersection test: every hit lies in it.
     #[must_use]
     pub fn prim_bounds(&self, prim: PrimId) -> Bounds {
-        match self.triangle(prim) {
-            Some(vertices) => triangle::bounds(&vertices),
-            None => {
-                let index = (prim as usize).wrapping_sub(self.triangles.len());
-                self.analytic_bounds.get(index).copied().unwrap_or(Bounds::EMPTY)
-            }
+        self.prim_bounds_during(prim, [0.0, 1.0])
+    }
+
+    /// The same between two times of the shutter; for an instance at all times.
+    #[must_use]
+    pub fn prim_bounds_during(&self, prim: PrimId, times: [f32; 2]) -> Bounds {
+        if let Some(vertices) = self.triangle(prim) {
+            return triangle::bounds(&vertices);
+        }
+        let index = (prim as usize).wrapping_sub(self.triangles.len());
+        match (self.analytic_bounds.get(index), self.moving_index(prim)) {
+            (Some(bounds), _) => *bounds,
+            (None, Some(index)) => self.moving_bounds(index, times),
+            (None, None) => self.instance(prim).map_or(Bounds::EMPTY, |instance| *instance.bounds()),
         }
     }
 
     /// The box of everything.
     #[must_use]
     pub fn bounds(&self) -> Bounds {
-        self.bounds.unwrap_or(Bounds::EMPTY)
+        self.part_bounds(0)
     }
 
     /// Area of a primitive in the square of the scene's unit.
@@ -141,11 +238,16 @@ impl Geometry {
             + size_of_val(&*self.analytic)
             + size_of_val(&*self.analytic_bounds)
             + size_of_val(&*self.analytic_shapes)
+            + size_of_val(&*self.moving)
+            + size_of_val(&*self.moving_shapes)
+            + size_of_val(&*self.instances)
+            + self.instances.iter().map(Instance::extra_bytes).sum::<usize>()
     }
 
     /// Where a ray meets one primitive with 0 < t < `t_max`. Leaves out the
     /// primitives that the ray names in `skip` and `skip_end`; the ray's own
-    /// `t_max` is not looked at.
+    /// `t_max` is not looked at. `None` for instances, which only an
+    /// accelerator can look into.
     #[must_use]
     pub fn intersect(&self, prim: PrimId, ray: &Ray, t_max: f32) -> Option<Hit> {
         self.intersect_probe(prim, &RayProbe::new(ray)?, t_max)
@@ -175,27 +277,37 @@ impl Geometry {
             return None;
         }
         let t = probe.confine(t, &triangle::bounds(vertices), t_max)?;
-        Some(Hit { t, prim, u, v })
+        Some(Hit { t, prim, u, v, instance: Hit::NO_INSTANCE })
     }
 
-    /// The same for an analytic primitive; `None` for triangles.
+    /// The same for a primitive that is neither a still triangle nor an
+    /// instance; `None` for those.
     #[must_use]
     pub fn intersect_analytic(&self, prim: PrimId, probe: &RayProbe, t_max: f32) -> Option<Hit> {
         if probe.skips(prim) {
             return None;
         }
         let index = (prim as usize).checked_sub(self.triangles.len())?;
-        let hit = self.analytic.get(index)?.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
+        let Some(analytic) = self.analytic.get(index) else {
+            return self.intersect_moving(self.moving_index(prim)?, prim, probe, t_max);
+        };
+        let hit = analytic.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
         let t = probe.confine(hit.t, &self.analytic_bounds[index], t_max)?;
-        Some(Hit { t, prim, u: hit.u, v: hit.v })
+        Some(Hit { t, prim, u: hit.u, v: hit.v, instance: Hit::NO_INSTANCE })
     }
 
     /// The surface at a hit that the same ray gave.
     #[must_use]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        if hit.instance != Hit::NO_INSTANCE {
+            return self.surface_inside(ray, hit);
+        }
         let shape = self.shape_of(hit.prim);
-        match self.analytic(hit.prim) {
-            None => self.triangle_surface(shape, hit),
+        let mut surface = match self.analytic(hit.prim) {
+            None => match self.moving_index(hit.prim) {
+                None => self.triangle_surface(shape, hit),
+                Some(index) => self.moving_surface(index, hit, ray.time),
+            },
             Some(analytic) => {
                 let s = analytic.surface(ray.origin.as_dvec3(), ray.dir.as_dvec3(), hit);
                 SurfacePoint {
@@ -209,17 +321,44 @@ impl Geometry {
                     dpdv: s.dpdv.as_vec3(),
                     prim: hit.prim,
                     shape,
+                    instance: Hit::NO_INSTANCE,
+                    time: 0.0,
                     planar: analytic.is_planar(),
                 }
             }
-        }
+        };
+        surface.time = ray.time;
+        surface
+    }
+
+    /// The surface at a hit in an instance.
+    fn surface_inside(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        let inside = Hit { instance: Hit::NO_INSTANCE, ..*hit };
+        let Some(instance) = self.instance(hit.instance) else { return self.surface(ray, &inside) };
+        let placed = instance.at(ray.time);
+        let local = placed.local_ray(ray.origin, ray.dir, ray.time);
+        placed.to_world(&self.surface(&local, &inside), hit.instance)
     }
 
     /// The point of a triangle at the barycentrics of a hit.
     pub(crate) fn triangle_surface(&self, shape: ShapeId, hit: &Hit) -> SurfacePoint {
-        let info = &self.shapes[shape as usize];
         let indices = self.triangles[hit.prim as usize];
-        let [a, b, c] = indices.map(|i| self.positions[i as usize].as_dvec3());
+        let vertices = indices.map(|i| self.positions[i as usize]);
+        self.face_surface(shape, hit, vertices, indices, None)
+    }
+
+    /// The same for given vertices, at a time that `between` says.
+    #[inline(always)]
+    pub(crate) fn face_surface(
+        &self,
+        shape: ShapeId,
+        hit: &Hit,
+        vertices: [Vec3; 3],
+        indices: [u32; 3],
+        between: Option<Between>,
+    ) -> SurfacePoint {
+        let info = &self.shapes[shape as usize];
+        let [a, b, c] = vertices.map(|v| v.as_dvec3());
         let (b1, b2) = (f64::from(hit.u), f64::from(hit.v));
         let b0 = 1.0 - b1 - b2;
         let (e1, e2) = (b - a, c - a);
@@ -239,7 +378,7 @@ impl Geometry {
         }
         let [dpdu, dpdv] = if info.tangents { tangents([e1, e2], corners, winding) } else { [Vec3::ZERO; 2] };
 
-        let ns = self.vertex_normal(info, indices, weights).unwrap_or(winding);
+        let ns = self.vertex_normal(info, indices, weights, between).unwrap_or(winding);
         let sign = if info.flip { -1.0 } else { 1.0 };
         SurfacePoint {
             p: p.as_vec3(),
@@ -252,14 +391,29 @@ impl Geometry {
             dpdv,
             prim: hit.prim,
             shape,
+            instance: Hit::NO_INSTANCE,
+            time: 0.0,
             planar: true,
         }
     }
 
     /// Unit interpolated normal; `None` when the mesh has none or they cancel.
-    fn vertex_normal(&self, info: &ShapeInfo, indices: [u32; 3], weights: [f32; 3]) -> Option<Vec3> {
+    #[inline(always)]
+    fn vertex_normal(
+        &self,
+        info: &ShapeInfo,
+        indices: [u32; 3],
+        weights: [f32; 3],
+        between: Option<Between>,
+    ) -> Option<Vec3> {
         let base = info.normals?;
-        let [a, b, c] = indices.map(|i| self.normals[(i64::from(i) + base) as usize]);
+        let [a, b, c] = indices.map(|i| {
+            let index = (i64::from(i) + base) as usize;
+            match &between {
+                None => self.normals[index],
+                Some(between) => between.of(&self.normals, index),
+            }
+        });
         (a * weights[0] + b * weights[1] + c * weights[2]).try_normalize()
     }
 }

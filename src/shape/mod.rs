@@ -23,15 +23,18 @@
 //! transforms) are those of Mitsuba 3.9.
 //!
 //! Vertices and analytic primitives are in one common space, that of the
-//! transforms handed in. An instance will be a further `Analytic`-like
-//! primitive that carries a transform and a nested `Geometry`; motion will be
-//! a second set of positions and transforms, blended by `Ray::time` where
-//! vertices are fetched.
+//! transforms handed in, or in that of their group. Groups ([`Geometry::parts`])
+//! are seen through [`Instance`]s, which place them, still or moving; triangles
+//! that deform have vertices at several times and are interpolated when a ray
+//! meets them. Order of ids: triangles, analytic primitives, deforming
+//! triangles, instances.
 
 mod builder;
 mod cylinder;
+mod deform;
 mod disk;
 mod geometry;
+mod instance;
 mod linear;
 mod mesh;
 mod probe;
@@ -48,6 +51,7 @@ pub use builder::{GeometryBuilder, MeshOptions, MeshReport};
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use geometry::{Geometry, ShapeInfo};
+pub use instance::{Instance, Placed};
 pub use probe::RayProbe;
 pub use rectangle::Rectangle;
 pub use sampler::ShapeSampler;
@@ -59,7 +63,7 @@ pub use view::{RectView, SphereView};
 use crate::desc::kinds;
 use crate::math::{Bounds, DVec3, Transform, Vec2, Vec3};
 
-/// Index of a primitive (one triangle or one analytic shape).
+/// Index of a primitive (a triangle, an analytic shape or an instance).
 pub type PrimId = u32;
 
 /// Index of a shape of the scene file; a mesh is one shape of many primitives.
@@ -78,6 +82,20 @@ pub struct Hit {
     /// Triangles: barycentric of the third vertex. Rectangle and disk: local
     /// y. Else 0.
     pub v: f32,
+    /// The instance through which the primitive was hit, in whose space it
+    /// is; [`Hit::NO_INSTANCE`] when in none.
+    pub instance: PrimId,
+}
+
+impl Hit {
+    /// The value of `instance` for "none".
+    pub const NO_INSTANCE: PrimId = PrimId::MAX;
+
+    /// Hits of the same parameter are decided by this: the lowest wins.
+    #[inline(always)]
+    pub(crate) fn rank(&self) -> (PrimId, PrimId) {
+        if self.instance == Hit::NO_INSTANCE { (self.prim, 0) } else { (self.instance, self.prim) }
+    }
 }
 
 kinds! {

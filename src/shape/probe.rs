@@ -29,6 +29,10 @@ pub struct RayProbe {
     pub skip: u32,
     /// Second primitive to leave out.
     pub skip_end: u32,
+    /// Time in [0, 1] of the shutter.
+    pub time: f32,
+    /// A primitive to leave out in one instance, and that instance.
+    pub(crate) skip_inside: [u32; 2],
     /// The axes, turned so that the one along which the direction is longest
     /// is the third. Each is below 3.
     pub(crate) axes: [u8; 3],
@@ -73,8 +77,10 @@ impl RayProbe {
             inv_dir,
             inv_far,
             t_max: ray.t_max,
-            skip: ray.skip,
+            skip: if ray.skip_instance == Ray::NO_SKIP { ray.skip } else { Ray::NO_SKIP },
             skip_end: ray.skip_end,
+            time: ray.time,
+            skip_inside: [ray.skip, ray.skip_instance],
             axes,
             turned_origin: turn(ray.origin),
             turned_inv_dir,

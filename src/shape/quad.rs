@@ -65,7 +65,7 @@ impl Quad {
         let second = a + b > 1.0;
         let weights = if second { [0.0, 1.0 - b, 1.0 - a, a + b - 1.0] } else { [1.0 - a - b, a, b, 0.0] };
         let [_, u, v] = self.corners[usize::from(second)].map(|corner| weights[corner] as f32);
-        Hit { t: 1.0, prim: self.first_prim + u32::from(second), u, v }
+        Hit { t: 1.0, prim: self.first_prim + u32::from(second), u, v, instance: Hit::NO_INSTANCE }
     }
 
     /// Local coordinates uniform in area.

@@ -145,7 +145,7 @@ impl ShapeSampler {
     ) -> Option<ShapeSample> {
         let view = TriangleView::new(&geometry.triangle(prim)?, from);
         let (b1, b2) = view.sample(u).unwrap_or_else(|| uniform_triangle(u));
-        let hit = Hit { t: 1.0, prim, u: b1, v: b2 };
+        let hit = Hit { t: 1.0, prim, u: b1, v: b2, instance: Hit::NO_INSTANCE };
         self.finish_hit(geometry, &hit, from, |point, wi, distance_squared| {
             pmf * view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, point, geometry.area(prim)))
         })
@@ -282,6 +282,8 @@ impl ShapeSampler {
             dpdv: point.dpdv.as_vec3(),
             prim: self.first_prim,
             shape: self.shape,
+            instance: Hit::NO_INSTANCE,
+            time: 0.0,
             planar: analytic.is_planar(),
         }
     }

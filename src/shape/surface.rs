@@ -30,30 +30,34 @@ pub struct SurfacePoint {
     pub prim: PrimId,
     /// Its shape.
     pub shape: ShapeId,
+    /// The instance that the primitive was hit in; [`super::Hit::NO_INSTANCE`] when in none.
+    pub instance: PrimId,
+    /// Time of the ray that found it, in [0, 1] of the shutter.
+    pub time: f32,
     /// The primitive is flat: a ray that leaves it cannot meet it again.
     pub planar: bool,
 }
 
 impl SurfacePoint {
     /// A ray from here in a unit direction, starting outside the error box on
-    /// the side of `ng` that `dir` points to. It leaves out this primitive if
-    /// that is flat.
+    /// the side of `ng` that `dir` points to, at the same time. It leaves out
+    /// this primitive if that is flat.
     #[must_use]
-    pub fn spawn(&self, dir: Vec3, time: f32) -> Ray {
+    pub fn spawn(&self, dir: Vec3) -> Ray {
         Ray {
             origin: offset_origin(self.p, self.p_error, self.ng, dir),
             dir,
             t_max: f32::INFINITY,
-            time,
+            time: self.time,
             skip: self.skip(),
             skip_end: Ray::NO_SKIP,
+            skip_instance: self.instance,
         }
     }
 
     /// A shadow ray to a sampled point of a light: `dir` is the vector between
     /// the two, not normalised, `t_max` is 1, and both ends are outside their
     /// error boxes. The far box includes the rounding of the vector itself.
-    /// The ray's time is 0.
     #[must_use]
     pub fn spawn_to(&self, target: &ShapeSample) -> Ray {
         let towards = target.p - self.p;
@@ -64,18 +68,18 @@ impl SurfacePoint {
             origin,
             dir: end - origin,
             t_max: 1.0,
-            time: 0.0,
+            time: self.time,
             skip: self.skip(),
             skip_end: if target.planar { target.prim } else { Ray::NO_SKIP },
+            skip_instance: self.instance,
         }
     }
 
     /// A shadow ray to a point that is on no surface, such as a point light.
-    /// The ray's time is 0.
     #[must_use]
     pub fn spawn_to_point(&self, target: Vec3) -> Ray {
-        let origin = offset_origin(self.p, self.p_error, self.ng, target - self.p);
-        Ray { origin, dir: target - origin, t_max: 1.0, time: 0.0, skip: self.skip(), skip_end: Ray::NO_SKIP }
+        let ray = self.spawn(target - self.p);
+        Ray { dir: target - ray.origin, t_max: 1.0, ..ray }
     }
 
     fn skip(&self) -> u32 {

@@ -9,8 +9,13 @@ use crate::math::{Bounds, DMat4, DVec3, Transform, Vec3};
 use crate::shape::{GeometryBuilder, MeshOptions};
 
 /// Vertices alone: shading data would only take memory.
-const BARE: MeshOptions =
-    MeshOptions { flip_normals: false, face_normals: true, keep_uvs: false, keep_tangents: false };
+const BARE: MeshOptions = MeshOptions {
+    flip_normals: false,
+    face_normals: true,
+    keep_uvs: false,
+    keep_tangents: false,
+    shutter: [0.0; 2],
+};
 
 /// A closed tunnel: the torus of radii 1 and 0.4, seen from inside, its wall
 /// displaced inward by six octaves of noise. The same surface at every

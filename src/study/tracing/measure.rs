@@ -228,7 +228,9 @@ fn answers(geometry: &Geometry, rays: &Rays, tracer: &dyn Tracer) -> Vec<Option<
     if rays.set.is_shadow() {
         let mut occluded = Vec::with_capacity(rays.rays.len());
         tracer.occluded(geometry, &rays.rays, &mut occluded);
-        hits.extend(occluded.iter().map(|o| o.then_some(Hit { t: 1.0, prim: u32::MAX, u: 0.0, v: 0.0 })));
+        hits.extend(occluded.iter().map(|o| {
+            o.then_some(Hit { t: 1.0, prim: u32::MAX, u: 0.0, v: 0.0, instance: Hit::NO_INSTANCE })
+        }));
     } else {
         tracer.closest(geometry, &rays.rays, &mut hits);
     }

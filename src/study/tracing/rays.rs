@@ -154,7 +154,7 @@ impl Maker<'_> {
     fn bounce(&self, places: &[Place], purpose: i32) -> Vec<Ray> {
         let rays = places.iter().cycle().take(self.count).enumerate().map(|(i, place)| {
             let local = cosine_hemisphere(self.random(i, purpose).get_2d(0));
-            place.surface.spawn(Frame::from_normal(place.normal).to_world(local), 0.0)
+            place.surface.spawn(Frame::from_normal(place.normal).to_world(local))
         });
         rays.collect()
     }

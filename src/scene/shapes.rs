@@ -1,0 +1,316 @@
+//! Shapes of a scene file: those that stand still at the top, groups, and the
+//! instances that place groups. Whatever moves becomes a group of its own with
+//! an instance that moves.
+
+use std::sync::Arc;
+
+use super::build::{Builder, Pending, no_media};
+use crate::desc::{Category, Error, ObjectId, Params, Result};
+use crate::light::area_emission_from_desc;
+use crate::material::Material;
+use crate::math::{DVec3, Motion, Transform};
+use crate::shape::{MeshOptions, ShapeId};
+
+/// Scene-file names of all shapes.
+const SHAPES: &[&str] = &[
+    "obj",
+    "ply",
+    "serialized",
+    "mesh",
+    "rectangle",
+    "cube",
+    "sphere",
+    "disk",
+    "cylinder",
+    "shapegroup",
+    "instance",
+];
+
+/// Most instances of a scene, nested ones multiplied out.
+const MAX_INSTANCES: usize = 1 << 28;
+
+/// What a group holds.
+#[derive(Clone, Debug, Default)]
+pub(super) struct GroupContents {
+    /// Its own shapes, as a part of the geometry.
+    part: Option<u32>,
+    /// Other groups in it, and where they are.
+    nested: Vec<(Arc<GroupContents>, Motion)>,
+}
+
+/// Shapes of one list, by how they are built.
+#[derive(Default)]
+struct Sorted {
+    still: Vec<ObjectId>,
+    moving: Vec<ObjectId>,
+    instances: Vec<ObjectId>,
+    groups: Vec<ObjectId>,
+}
+
+impl Builder<'_> {
+    /// Builds all shapes of the scene: still ones first, as the geometry wants
+    /// them, then groups and their instances.
+    pub(super) fn shapes(&mut self, ids: &[ObjectId]) -> Result<()> {
+        let sorted = self.sort(ids)?;
+        let to_scene = Transform::translate(-self.recentre);
+        for id in sorted.still {
+            self.shape(id, Some(&to_scene))?;
+        }
+        // Definitions are checked even when nothing uses them.
+        for id in sorted.groups {
+            self.group(id)?;
+        }
+        let mut placed = Vec::new();
+        for id in sorted.moving {
+            placed.push(self.moving_shape(id)?);
+        }
+        for id in sorted.instances {
+            placed.push(self.instance(id)?);
+        }
+        for (contents, motion) in placed {
+            self.place(&contents, &motion.map(|m| to_scene.after(m)))?;
+        }
+        Ok(())
+    }
+
+    fn sort(&self, ids: &[ObjectId]) -> Result<Sorted> {
+        let mut sorted = Sorted::default();
+        for &id in ids {
+            match self.desc.object(id).plugin.as_str() {
+                "shapegroup" => sorted.groups.push(id),
+                "instance" => sorted.instances.push(id),
+                _ if self.moves(id)? => sorted.moving.push(id),
+                _ => sorted.still.push(id),
+            }
+        }
+        Ok(sorted)
+    }
+
+    /// The `to_world` of an object while the shutter is open.
+    fn motion(&self, params: &Params) -> Result<Motion> {
+        let [open, close] = self.shutter;
+        Ok(params.motion("to_world")?.during(open, close))
+    }
+
+    fn moves(&self, id: ObjectId) -> Result<bool> {
+        let params = self.desc.params(id);
+        let [open, close] = self.shutter;
+        let deforms = params.mesh().is_some_and(|mesh| mesh.deformation.len() > 1) && close > open;
+        Ok(deforms || self.motion(&params)?.as_still().is_none())
+    }
+
+    /// A shape that moves or deforms, as a group, and its motion.
+    fn moving_shape(&mut self, id: ObjectId) -> Result<(Arc<GroupContents>, Motion)> {
+        let motion = self.motion(&self.desc.params(id))?;
+        let part = self.geometry.begin_group();
+        self.in_group = true;
+        self.shape(id, None)?;
+        self.in_group = false;
+        Ok((Arc::new(GroupContents { part: Some(part), nested: Vec::new() }), motion))
+    }
+
+    /// The contents of a `shapegroup`, built once.
+    fn group(&mut self, id: ObjectId) -> Result<Arc<GroupContents>> {
+        if let Some(contents) = self.groups.get(&id) {
+            return Ok(contents.clone());
+        }
+        let params = self.desc.params(id);
+        let ids: Vec<ObjectId> = params.children(Category::Shape).iter().map(|(_, id)| *id).collect();
+        params.finish()?;
+        self.plan.shapes += 1;
+        let sorted = self.sort(&ids)?;
+        if let Some(inner) = sorted.groups.first() {
+            return Err(self
+                .desc
+                .error(self.desc.object(*inner).pos, "a `shapegroup` cannot stand in another")
+                .hint("put an `instance` of it there"));
+        }
+        let mut contents = GroupContents::default();
+        for id in sorted.moving {
+            contents.nested.push(self.moving_shape(id)?);
+        }
+        for id in sorted.instances {
+            contents.nested.push(self.instance(id)?);
+        }
+        if !sorted.still.is_empty() {
+            contents.part = Some(self.geometry.begin_group());
+            self.in_group = true;
+            for id in sorted.still {
+                self.shape(id, Some(&Transform::IDENTITY))?;
+            }
+            self.in_group = false;
+        }
+        let contents = Arc::new(contents);
+        self.groups.insert(id, contents.clone());
+        Ok(contents)
+    }
+
+    /// What an `instance` places, and where.
+    fn instance(&mut self, id: ObjectId) -> Result<(Arc<GroupContents>, Motion)> {
+        let params = self.desc.params(id);
+        let motion = self.motion(&params)?;
+        let shapes = params.children(Category::Shape);
+        params.finish()?;
+        let group = match shapes.as_slice() {
+            [(_, group)] if self.desc.object(*group).plugin == "shapegroup" => *group,
+            [(_, other)] => {
+                let name = &self.desc.object(*other).plugin;
+                let message = format!("an `instance` places a `shapegroup`, found `{name}`");
+                return Err(params_error(self, id, &message).hint("put the shape into a `shapegroup`"));
+            }
+            found => {
+                let message = format!("an `instance` needs one `shapegroup`, found {} shapes", found.len());
+                return Err(params_error(self, id, &message));
+            }
+        };
+        self.plan.shapes += 1;
+        Ok((self.group(group)?, motion))
+    }
+
+    /// Adds the instances that a placed group amounts to.
+    fn place(&mut self, contents: &GroupContents, motion: &Motion) -> Result<()> {
+        if let Some(part) = contents.part {
+            self.plan.instances += 1;
+            if self.plan.instances > MAX_INSTANCES {
+                return Err(Error::new(format!("more than {MAX_INSTANCES} instances")));
+            }
+            self.geometry.add_instance(part, motion.clone());
+        }
+        for (inner, inner_motion) in &contents.nested {
+            self.place(inner, &motion.after(inner_motion))?;
+        }
+        Ok(())
+    }
+
+    /// Adds a shape with its material and its light. `space` goes after its
+    /// `to_world`; without one that is left to an instance.
+    fn shape(&mut self, id: ObjectId, space: Option<&Transform>) -> Result<()> {
+        let desc = self.desc;
+        let params = desc.params(id);
+        let emitters = params.children(Category::Emitter);
+        let bsdfs = params.children(Category::Bsdf);
+        if let Some((_, medium)) = params.children(Category::Medium).first() {
+            return Err(no_media(desc, *medium));
+        }
+        if let [_, (_, second), ..] = bsdfs.as_slice() {
+            return Err(desc.error(desc.object(*second).pos, "a shape has one bsdf only"));
+        }
+        let material = match bsdfs.first() {
+            Some((_, bsdf)) => self.material_builder.build(desc, *bsdf)?,
+            None => Arc::new(Material::default_for(!emitters.is_empty())),
+        };
+        let emission = match emitters.as_slice() {
+            [] => None,
+            [(_, emitter)] => Some(area_emission_from_desc(desc, *emitter)?),
+            [_, (_, second), ..] => {
+                return Err(desc.error(desc.object(*second).pos, "a shape has one emitter only"));
+            }
+        };
+        let textured_light = emission.as_ref().is_some_and(|e| e.radiance.is_constant().is_none());
+        let to_space = match space {
+            None => {
+                params.get("to_world");
+                Transform::IDENTITY
+            }
+            Some(space) => match self.motion(&params)?.as_still() {
+                Some(still) => space.after(&still),
+                None => return Err(params.error_at("to_world", "this shape cannot move")),
+            },
+        };
+        let shape = self.primitives(&params, &to_space, &material, textured_light)?;
+        params.finish()?;
+        let Some(shape) = shape else { return Ok(()) };
+        let index = self.material_id(material);
+        let slot = shape as usize;
+        if self.material_of_shape.len() <= slot {
+            self.material_of_shape.resize(slot + 1, 0);
+        }
+        self.material_of_shape[slot] = index;
+        match emission {
+            None => {}
+            Some(emission) if self.in_group => self.glows.push((shape, emission)),
+            Some(emission) => self.pending.push(Pending::Area { shape, emission, object: id }),
+        }
+        Ok(())
+    }
+
+    /// Adds the primitives of a shape; `None` when it has none.
+    fn primitives(
+        &mut self,
+        params: &Params,
+        to_space: &Transform,
+        material: &Material,
+        textured_light: bool,
+    ) -> Result<Option<ShapeId>> {
+        let object = params.object();
+        let flip = params.bool("flip_normals", false)?;
+        let shutter = self.shutter;
+        let options = |face_normals| MeshOptions {
+            flip_normals: flip,
+            face_normals,
+            keep_uvs: material.needs_uv() || material.needs_tangents() || textured_light,
+            keep_tangents: material.needs_tangents(),
+            shutter,
+        };
+        let at = |e: Error| if e.location.is_some() { e } else { params.error(e.message) };
+        self.plan.shapes += 1;
+        let shape = match object.plugin.as_str() {
+            "obj" | "ply" | "serialized" | "mesh" => {
+                let options = options(params.bool("face_normals", false)?);
+                let mesh = params
+                    .mesh()
+                    .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", object.plugin)))?;
+                return self.mesh(mesh, to_space, options).map_err(at);
+            }
+            "cube" => {
+                let options = options(params.bool("face_normals", false)?);
+                return self.geometry.add_cube(to_space, options).map(|(s, _)| Some(s)).map_err(at);
+            }
+            "rectangle" => self.geometry.add_rectangle(to_space, flip),
+            "disk" => self.geometry.add_disk(to_space, flip),
+            "sphere" => {
+                let centre = params.vector_opt("center")?.unwrap_or(DVec3::ZERO);
+                let radius = params.float("radius", 1.0)?;
+                self.geometry.add_sphere(centre, radius, to_space, flip)
+            }
+            "cylinder" => {
+                let p0 = params.vector_opt("p0")?.unwrap_or(DVec3::ZERO);
+                let p1 = params.vector_opt("p1")?.unwrap_or(DVec3::Z);
+                let radius = params.float("radius", 1.0)?;
+                self.geometry.add_cylinder([p0, p1], radius, to_space, flip)
+            }
+            name => {
+                return Err(params
+                    .error(format!("unknown shape `{name}`"))
+                    .suggest(name, SHAPES.iter().copied()));
+            }
+        };
+        shape.map(Some).map_err(at)
+    }
+
+    fn mesh(
+        &mut self,
+        mesh: &crate::desc::Mesh,
+        to_space: &Transform,
+        options: MeshOptions,
+    ) -> Result<Option<ShapeId>> {
+        let keep_uvs = options.keep_uvs;
+        if mesh.triangles.is_empty() {
+            return Ok(None);
+        }
+        let (shape, report) = self.geometry.add_mesh(mesh, to_space, options)?;
+        self.plan.dropped_triangles += report.dropped;
+        self.plan.normal_meshes[usize::from(mesh.normals.is_empty())] += 1;
+        if !mesh.uvs.is_empty() {
+            self.plan.uv_meshes[usize::from(!keep_uvs)] += 1;
+            if !keep_uvs {
+                self.plan.saved_bytes += mesh.uvs.len() * size_of::<crate::math::Vec2>();
+            }
+        }
+        Ok(Some(shape))
+    }
+}
+
+fn params_error(builder: &Builder, id: ObjectId, message: &str) -> Error {
+    builder.desc.error(builder.desc.object(id).pos, message)
+}
