@@ -1,0 +1,336 @@
+//! Motion blur and instances: against closed forms, against the mean of still
+//! pictures, and all accelerators against brute force.
+#![allow(clippy::unwrap_used, reason = "a failed set-up is a failed test")]
+
+mod common_shape;
+#[path = "common/render.rs"]
+mod render;
+
+use common_shape::{Random, soup};
+use etendue::accel::Accel;
+use etendue::desc::{Mesh, MeshKey};
+use etendue::math::{DMat4, DQuat, DVec3, Motion, Ray, Transform, Vec3};
+use etendue::shape::{Geometry, GeometryBuilder, Hit, MeshOptions};
+use render::{Ready, mean, rgb};
+
+fn place(angle: f64, axis: DVec3, scale: DVec3, at: DVec3) -> Transform {
+    let rotation = DQuat::from_axis_angle(axis.normalize(), angle);
+    Transform::from_matrix(DMat4::from_scale_rotation_translation(scale, rotation, at)).unwrap()
+}
+
+/// Two groups, one of which deforms; instances still, mirrored, moving.
+fn zoo() -> Geometry {
+    let mut random = Random::new(7);
+    let mut b = GeometryBuilder::new();
+    let options = MeshOptions { shutter: [0.0, 1.0], ..MeshOptions::default() };
+    b.add_mesh(&soup(&mut random, 40, 0.3), &Transform::IDENTITY, options).unwrap();
+    b.add_sphere(DVec3::new(0.5, 0.5, 0.0), 0.3, &Transform::IDENTITY, false).unwrap();
+    let still = b.begin_group();
+    b.add_mesh(&soup(&mut random, 60, 0.4), &Transform::IDENTITY, options).unwrap();
+    b.add_cylinder([DVec3::ZERO, DVec3::Y], 0.2, &Transform::IDENTITY, false).unwrap();
+    let moving = b.begin_group();
+    let mut mesh = soup(&mut random, 80, 0.4);
+    let at = |time: f64, random: &mut Random, mesh: &Mesh| {
+        let positions = mesh.positions.iter().map(|p| *p + random.vector() * 0.3).collect();
+        MeshKey { time, positions, normals: Vec::new() }
+    };
+    mesh.deformation = [0.0, 0.3, 0.9, 1.0].map(|t| at(t, &mut random, &mesh)).to_vec();
+    mesh.positions = mesh.deformation[0].positions.clone();
+    b.add_mesh(&mesh, &Transform::IDENTITY, options).unwrap();
+    let [x, y] = [DVec3::X, DVec3::new(1.0, 2.0, -1.0)];
+    let one = place(0.3, y, DVec3::new(0.5, 0.7, 0.6), x * 1.5);
+    let two = place(2.3, y, DVec3::new(-0.5, 0.9, 0.6), -x);
+    let motion = Motion::new(&[(0.0, one), (0.4, two), (1.0, place(0.0, x, DVec3::ONE, y))]).unwrap();
+    b.add_instance(still, Motion::still(one));
+    b.add_instance(still, Motion::still(one));
+    b.add_instance(still, motion.clone());
+    b.add_instance(moving, Motion::still(two));
+    b.add_instance(moving, motion);
+    b.finish()
+}
+
+fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32, u32)> {
+    hit.map(|h| (h.t.to_bits(), h.prim, h.instance, h.u.to_bits(), h.v.to_bits()))
+}
+
+#[test]
+fn accelerators_agree_on_instances_and_motion() {
+    let geometry = zoo();
+    let kinds: Vec<Accel> =
+        Accel::NAMES.iter().map(|n| Accel::build_named(Some(n), &geometry).unwrap()).collect();
+    let mut random = Random::new(8);
+    let (mut hits, mut inside, mut start) = (0, 0, None::<Ray>);
+    for i in 0..60_000 {
+        let origin = random.vector() * 3.0;
+        let mut ray = Ray::new(origin, random.vector() - origin);
+        ray.time = if i % 5 == 0 { (random.below(11) as f32) / 10.0 } else { random.unit() };
+        if let (0, Some(next)) = (i % 3, start) {
+            ray = next;
+        }
+        if i % 4 == 0 {
+            ray.t_max = random.unit() * 3.0;
+        }
+        let expected = kinds[0].closest(&geometry, &ray);
+        for accel in &kinds {
+            let found = accel.closest(&geometry, &ray);
+            assert_eq!(bits(found), bits(expected), "{} {ray:?}\n{found:?} {expected:?}", accel.name());
+            assert_eq!(accel.occluded(&geometry, &ray), expected.is_some(), "{} {ray:?}", accel.name());
+        }
+        start = expected.map(|hit| {
+            hits += 1;
+            inside += usize::from(hit.instance != Hit::NO_INSTANCE);
+            geometry.surface(&ray, &hit).spawn(random.direction())
+        });
+    }
+    assert!(hits > 15_000 && inside > 8_000, "{hits} {inside}");
+}
+
+/// No ray that leaves a convex body in an instance meets it again, whatever
+/// the scale of either space and wherever it is.
+#[test]
+fn rays_leave_instances() {
+    let mut random = Random::new(9);
+    let ball = common_shape::sphere_mesh(12, 24, 1.0, Vec3::ZERO);
+    for (scale, at) in [(1.0, 0.0), (1e-6, 1e-3), (1e6, 1e5), (1.0, 1e3), (37.0, 2e4)] {
+        for local in [1.0, 1e-4, 1e5] {
+            let mut b = GeometryBuilder::new();
+            let group = b.begin_group();
+            let size = Transform::from_matrix(DMat4::from_scale(DVec3::splat(local))).unwrap();
+            b.add_mesh(&ball, &size, MeshOptions { face_normals: true, ..MeshOptions::default() }).unwrap();
+            let start = DVec3::new(0.3, -1.0, 0.7) * at;
+            let a = place(0.5, DVec3::new(1.0, 2.0, 3.0), DVec3::new(1.0, 2.0, 0.5) * scale / local, start);
+            let b2 = place(1.5, DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 1.0, 0.5) * scale / local, start);
+            b.add_instance(group, Motion::new(&[(0.0, a), (1.0, b2)]).unwrap());
+            let geometry = b.finish();
+            let accel = Accel::build_named(None, &geometry).unwrap();
+            let (centre, radius) = geometry.bounds().bounding_sphere();
+            let mut left = 0;
+            for _ in 0..4_000 {
+                let origin = centre + random.direction() * radius * 2.0;
+                let mut ray = Ray::new(origin, centre + random.vector() * radius * 0.3 - origin);
+                ray.time = random.unit();
+                let Some(hit) = accel.closest(&geometry, &ray) else { continue };
+                let surface = geometry.surface(&ray, &hit);
+                let dir = random.direction();
+                let dir = if dir.dot(surface.ng) < 0.0 { -dir } else { dir };
+                let again = accel.closest(&geometry, &surface.spawn(dir));
+                assert!(
+                    again.is_none(),
+                    "scale {scale} at {at} local {local}: {surface:?} {dir:?} {again:?}"
+                );
+                left += 1;
+            }
+            assert!(left > 1_000, "{left} scale {scale} at {at} local {local}");
+        }
+    }
+}
+
+/// What a box filter sees of a white plate as wide as `width` pixels that goes
+/// from pixel `from` to pixel `to` (its left edge) while the shutter is open.
+fn coverage(pixel: f64, from: f64, to: f64, width: f64) -> f64 {
+    // The mean over time of the overlap, by fine quadrature.
+    let n = 4000;
+    let overlap = |left: f64| ((left + width).min(pixel + 1.0) - left.max(pixel)).max(0.0);
+    (0..n).map(|i| overlap(from + (to - from) * (f64::from(i) + 0.5) / f64::from(n))).sum::<f64>()
+        / f64::from(n)
+}
+
+fn plates(to_world: &str, camera: &str, shutter: &str) -> String {
+    format!(
+        r#"<scene version="3.0.0">
+        <integrator type="path"/>
+        <sensor type="orthographic">{camera}{shutter}
+          <film type="hdrfilm"><integer name="width" value="20"/><integer name="height" value="4"/>
+            <rfilter type="box"/></film>
+        </sensor>
+        <shape type="rectangle">{to_world}
+          <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>
+        </scene>"#
+    )
+}
+
+const STILL_CAMERA: &str =
+    r#"<transform name="to_world"><lookat origin="0,0,-5" target="0,0,0" up="0,1,0"/></transform>"#;
+const SHUTTER: &str = r#"<float name="shutter_open" value="2"/><float name="shutter_close" value="4"/>"#;
+
+/// An orthographic film of 20 × 4 pixels shows x in ±1 from the left (+1) to
+/// the right (−1).
+#[test]
+fn a_moving_plate_covers_a_ramp() {
+    for speed in [0.0, 0.1, 3.0, 10.0] {
+        let key = |time: f64, pixels: f64| {
+            let x = 1.0 - (4.0 + 2.0 + pixels) * 0.1;
+            // Turned round to face the camera, 4 pixels wide.
+            format!(
+                r#"<transform time="{time}"><rotate y="1" angle="180"/><scale x="0.2" y="3"/><translate x="{x}"/></transform>"#
+            )
+        };
+        let motion =
+            format!(r#"<animation name="to_world">{}{}</animation>"#, key(2.0, 0.0), key(4.0, speed));
+        let ready = Ready::from_xml(&plates(&motion, STILL_CAMERA, SHUTTER), None, None);
+        assert_eq!(ready.scene.plan.motion, speed > 0.0);
+        let picture = rgb(&ready.picture(8192, 1));
+        for x in 0..20 {
+            let expected = coverage(x as f64, 4.0, 4.0 + speed, 4.0);
+            let found = (0..4).map(|y| f64::from(picture[3 * (20 * y + x)])).sum::<f64>() / 4.0;
+            assert!((found - expected).abs() < 4e-3, "{speed} px: pixel {x}: {found} for {expected}");
+        }
+    }
+}
+
+/// The same picture when the camera goes the other way.
+#[test]
+fn a_moving_camera_is_a_moving_scene() {
+    let plate = r#"<transform name="to_world"><rotate y="1" angle="180"/><scale x="0.2" y="3"/>
+        <translate x="0.4"/></transform>"#;
+    let key = |time: f64, x: f64| {
+        format!(
+            r#"<transform time="{time}"><lookat origin="{x},0,-5" target="{x},0,0" up="0,1,0"/></transform>"#
+        )
+    };
+    let camera = format!(r#"<animation name="to_world">{}{}</animation>"#, key(2.0, 0.0), key(4.0, 0.5));
+    let ready = Ready::from_xml(&plates(plate, &camera, SHUTTER), None, None);
+    assert!(ready.scene.camera_moves());
+    let picture = rgb(&ready.picture(8192, 1));
+    for x in 0..20 {
+        let expected = coverage(x as f64, 4.0, 9.0, 4.0);
+        let found = (0..4).map(|y| f64::from(picture[3 * (20 * y + x)])).sum::<f64>() / 4.0;
+        assert!((found - expected).abs() < 4e-3, "pixel {x}: {found} for {expected}");
+    }
+}
+
+/// A scene in which all kinds of motion happen: a turning plate, a sphere that
+/// grows, a group in a group, and a camera that zooms in.
+fn busy(shutter: [f64; 2]) -> String {
+    let [open, close] = shutter;
+    format!(
+        r#"<scene version="3.0.0">
+        <integrator type="path"><integer name="max_depth" value="4"/></integrator>
+        <sensor type="perspective"><float name="fov" value="40"/>
+          <animation name="to_world">
+            <transform time="0"><lookat origin="0,2,-9" target="0,0,0" up="0,1,0"/></transform>
+            <transform time="1"><lookat origin="1,1,-6" target="0,0.3,0" up="0,1,0"/></transform>
+          </animation>
+          <float name="shutter_open" value="{open}"/><float name="shutter_close" value="{close}"/>
+          <film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="16"/>
+            <rfilter type="box"/></film>
+        </sensor>
+        <emitter type="constant"><rgb name="radiance" value="0.6"/></emitter>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="4"/>
+          <translate y="-1"/></transform></shape>
+        <shape type="cube"><bsdf type="diffuse"><rgb name="reflectance" value="0.8,0.3,0.2"/></bsdf>
+          <animation name="to_world">
+            <transform time="0"><scale x="1.6" y="0.1" z="0.5"/></transform>
+            <transform time="0.5"><scale x="1.6" y="0.1" z="0.5"/><rotate y="1" angle="100"/></transform>
+            <transform time="1"><scale x="1" y="0.3" z="0.5"/><rotate y="1" angle="200"/><translate y="1"/></transform>
+          </animation></shape>
+        <shape type="sphere"><float name="radius" value="0.5"/><bsdf type="conductor"/>
+          <animation name="to_world">
+            <transform time="0"><translate x="-2"/></transform>
+            <transform time="1"><scale value="2"/><translate x="-1" y="1"/></transform>
+          </animation></shape>
+        <shape type="sphere"><float name="radius" value="0.2"/>
+          <emitter type="area"><rgb name="radiance" value="3,4,5"/></emitter>
+          <animation name="to_world">
+            <transform time="0"><translate x="2" z="-1"/></transform>
+            <transform time="1"><translate x="1" y="1.5" z="-1"/></transform>
+          </animation></shape>
+        <shape type="shapegroup" id="pair">
+          <shape type="sphere"><float name="radius" value="0.3"/></shape>
+          <shape type="cube"><animation name="to_world">
+            <transform time="0"><scale value="0.2"/><translate y="0.5"/></transform>
+            <transform time="1"><scale value="0.2"/><translate y="0.5"/><rotate z="1" angle="180"/></transform>
+          </animation></shape>
+        </shape>
+        <shape type="instance"><ref id="pair"/><transform name="to_world"><translate x="2" z="1"/></transform></shape>
+        <shape type="instance"><ref id="pair"/><animation name="to_world">
+            <transform time="0"><translate x="1" z="-2"/></transform>
+            <transform time="1"><rotate x="1" angle="90"/><translate x="2.5" z="-2"/></transform></animation></shape>
+        </scene>"#
+    )
+}
+
+/// The blurred picture against the mean of 256 still ones.
+#[test]
+fn the_blur_is_the_mean_of_stills() {
+    const STILLS: u32 = 256;
+    let mut sum = vec![0.0; 24 * 16 * 3];
+    let mut squares = sum.clone();
+    for i in 0..STILLS {
+        let time = (f64::from(i) + 0.5) / f64::from(STILLS);
+        let ready = Ready::from_xml(&busy([time, time]), None, None);
+        assert!(!ready.scene.plan.motion && ready.scene.plan.instances == 2);
+        for (s, v) in sum.iter_mut().zip(rgb(&ready.picture(32, 100 + u64::from(i)))) {
+            *s += f64::from(v) / f64::from(STILLS);
+        }
+    }
+    let seeds = 16;
+    let ready = Ready::from_xml(&busy([0.0, 1.0]), None, None);
+    assert!(ready.scene.plan.motion && ready.scene.plan.unsampled_lights == 1);
+    let pictures: Vec<Vec<f32>> = (0..seeds).map(|seed| rgb(&ready.picture(512, seed))).collect();
+    let (mut worst, mut mean_difference, mut level) = (0.0_f64, 0.0, 0.0);
+    for (i, still) in sum.iter().enumerate() {
+        let values = pictures.iter().map(|p| f64::from(p[i]));
+        let blurred = values.clone().sum::<f64>() / seeds as f64;
+        squares[i] = values.map(|v| (v - blurred).powi(2)).sum::<f64>() / (seeds as f64 - 1.0) / seeds as f64;
+        // Both have as many samples; the stills are stratified in time.
+        let error = (2.0 * squares[i]).sqrt().max(2e-4);
+        worst = worst.max((blurred - still).abs() / error);
+        mean_difference += (blurred - still) / sum.len() as f64;
+        level += still / sum.len() as f64;
+    }
+    let error = (2.0 * squares.iter().sum::<f64>()).sqrt() / sum.len() as f64;
+    println!(
+        "mean {level:.5}, difference {mean_difference:.2e} of ± {error:.2e}; worst pixel {worst:.2} sigma"
+    );
+    assert!(mean_difference.abs() < 4.0 * error + 1e-4 * level, "{mean_difference} ± {error}");
+    // 1152 values: 6 sigma of a t-distribution with 15 degrees of freedom.
+    assert!(worst < 7.0, "{worst}");
+}
+
+/// A group placed by an instance against the same shapes placed by themselves.
+#[test]
+fn an_instance_is_the_group_itself() {
+    let shapes = r#"<shape type="sphere"><float name="radius" value="0.7"/></shape>
+        <shape type="cube"><bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf>
+          <transform name="to_world"><scale value="0.4"/><rotate y="1" angle="30"/><translate x="1.3"/></transform></shape>"#;
+    let scene = |inner: &str| {
+        format!(
+            r#"<scene version="3.0.0"><integrator type="path"/>
+            <sensor type="perspective"><float name="fov" value="40"/>
+              <transform name="to_world"><lookat origin="0,2,-6" target="0.5,0,0" up="0,1,0"/></transform>
+              <film type="hdrfilm"><integer name="width" value="24"/><integer name="height" value="16"/></film>
+            </sensor>
+            <emitter type="constant"/>
+            <emitter type="point"><point name="position" x="3" y="4" z="-2"/><rgb name="intensity" value="20"/></emitter>
+            {inner}</scene>"#
+        )
+    };
+    let own = Ready::from_xml(&scene(shapes), None, None);
+    let instance = format!(
+        r#"<shape type="shapegroup" id="g">{shapes}</shape><shape type="instance"><ref id="g"/></shape>"#
+    );
+    let inside = Ready::from_xml(&scene(&instance), None, None);
+    let (a, b) = (own.picture(256, 1), inside.picture(256, 1));
+    // The same random numbers: the pictures differ by rounding.
+    let (x, y) = (rgb(&a), rgb(&b));
+    let far = x.iter().zip(&y).filter(|(a, b)| (**a - **b).abs() > 2e-2 * a.max(0.1)).count();
+    assert!(far < x.len() / 100, "{far} of {}", x.len());
+    assert!((mean(&a) / mean(&b) - 1.0).abs() < 1e-4, "{} {}", mean(&a), mean(&b));
+}
+
+#[test]
+fn what_cannot_move_says_so() {
+    let scene = |inner: &str| {
+        let xml = format!(r#"<scene version="3.0.0"><sensor type="perspective"/>{inner}</scene>"#);
+        let desc = etendue::load::load_str(&xml, std::path::Path::new(""), &Default::default()).unwrap();
+        etendue::scene::Scene::build(&desc, &Default::default()).unwrap_err().to_string()
+    };
+    let keys = r#"<animation name="to_world"><transform time="0"/><transform time="1"><translate x="1"/></transform></animation>"#;
+    let spot = scene(&format!(r#"<emitter type="spot">{keys}</emitter>"#));
+    assert_eq!(spot, "<string>:1:73: emitter `spot` cannot move; shapes, instances and sensors can");
+    let other = scene(r#"<shape type="instance"><shape type="sphere"/></shape>"#);
+    assert!(other.contains("an `instance` places a `shapegroup`, found `sphere`"), "{other}");
+    let inner = scene(r#"<shape type="shapegroup"><shape type="shapegroup"/></shape>"#);
+    assert!(inner.contains("cannot stand in another"), "{inner}");
+}
