@@ -247,23 +247,29 @@ fn lens_and_parallel_rays_are_mitsubas() {
     check("orthographic, scaled", &flat, [0.5, 0.5], &rows);
 }
 
+/// What picks the middle of an opening.
+fn middle(name: &str) -> Vec2 {
+    if name.contains("blades") { Vec2::new(0.5, 0.0) } else { Vec2::splat(0.5) }
+}
+
 /// The header's matrices send what a pixel sees back to that pixel.
 #[test]
 fn matrices_agree_with_rays() {
     let (film, recentre) = (Vec2::new(60.0, 40.0), DVec3::new(1.0, 2.0, 3.0));
     let examples = Camera::examples();
-    assert_eq!(examples.len(), 7);
+    assert_eq!(examples.len(), 11);
     for (name, camera) in &examples {
+        let Some(to_ndc) = camera.world_to_ndc() else { continue };
         for share in [[0.0, 0.0], [1.0, 1.0], [0.5, 0.5], [0.2, 0.9], [1.3, -0.2]] {
             // Through the middle of the lens, two thirds of the way to the far plane.
             let share = Vec2::from(share);
-            let ray = camera.ray(film * share, Vec2::splat(0.5), 0.0);
+            let ray = camera.ray(film * share, middle(name), 0.0);
             assert!((ray.dir.length() - 1.0).abs() < 2e-7, "{name}");
             for (t, z) in
                 [(0.0, Some(0.0)), (f64::from(ray.t_max) / 1.5, None), (f64::from(ray.t_max), Some(1.0))]
             {
                 let p = ray.origin.as_dvec3() + ray.dir.as_dvec3() * t + recentre;
-                let ndc = camera.world_to_ndc() * p.extend(1.0);
+                let ndc = to_ndc * p.extend(1.0);
                 let ndc = ndc.truncate() / ndc.w;
                 // A millidegree wide film multiplies f32 rounding by 1e5; near
                 // the lens the position itself is rounded.
@@ -369,6 +375,83 @@ fn circle_of_confusion_is_a_uniform_disk_of_the_right_size() {
     let chi2: f32 = counts.iter().map(|c| (*c as f32 - expected).powi(2) / expected).sum();
     // 127 degrees of freedom: mean 127, standard deviation 16; 1e-3 is at 181.
     assert!(chi2 < 181.0, "χ² = {chi2} of 128 cells");
+}
+
+/// What a pixel sees is seen by that pixel, for all cameras.
+#[test]
+fn points_are_seen_where_their_ray_starts() {
+    let (film, size) = (Vec2::new(60.0, 40.0), DVec3::new(60.0, 40.0, 0.0).truncate());
+    for (name, camera) in Camera::examples() {
+        for share in [[0.1, 0.2], [0.5, 0.5], [0.4, 0.7], [0.9, 0.95]] {
+            let at = film * Vec2::from(share);
+            let ray = camera.ray(at, middle(&name), 0.0);
+            if ray.t_max == 0.0 {
+                assert!(name.contains("whole sphere"));
+                continue;
+            }
+            let found = camera.film_of(ray.at(1e3).as_dvec3(), size).unwrap();
+            let tolerance = if name.contains("1e-3") { 6.0 } else { 2e-2 };
+            assert!((found - at.as_dvec2()).length() < tolerance, "{name} {at}: {found}");
+        }
+    }
+}
+
+/// The shape of a lens's opening is the shape of what is out of focus; its
+/// corners are on the circle, its width is divided by the ratio.
+#[test]
+fn blades_make_polygons() {
+    let params = vec![
+        ("fov", float(45.0)),
+        ("aperture_radius", float(0.3)),
+        ("focus_distance", float(2.0)),
+        ("blades", Value::Int(6)),
+        ("blade_rotation", float(90.0)),
+        ("aperture_ratio", float(2.0)),
+    ];
+    let camera = read("thinlens", params, LANDSCAPE, DVec3::ZERO).unwrap();
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(2);
+    let (mut widest, mut inner) = (Vec2::ZERO, 0);
+    let n = 100_000;
+    for _ in 0..n {
+        let ray = camera.ray(Vec2::new(30.0, 20.0), Vec2::new(rng.random(), rng.random()), 0.0);
+        let on_lens = ray.at(-ray.origin.z / ray.dir.z).truncate() / 0.3 * Vec2::new(2.0, 1.0);
+        widest = widest.max(on_lens.abs());
+        inner += u32::from(on_lens.length_squared() < 0.5);
+        // Inside of all six sides, whose distance from the centre is cos 30°.
+        for k in 0..6 {
+            let side = Vec2::from_angle(
+                (f32::from(k as u8) + 0.5) * std::f32::consts::TAU / 6.0 + 0.5 * std::f32::consts::PI,
+            );
+            assert!(on_lens.dot(side) < 0.75f32.sqrt() + 1e-4, "{on_lens}");
+        }
+        let focus = ray.at((2.0 - ray.origin.z) / ray.dir.z);
+        assert!(focus.truncate().length() < 1e-5, "{focus}");
+    }
+    assert!((widest - Vec2::new(0.75f32.sqrt(), 1.0)).abs().max_element() < 5e-3, "{widest}");
+    // The disk of half the area of the circle lies in the hexagon.
+    let expected = 0.5 * std::f64::consts::PI / (1.5 * 3f64.sqrt());
+    let share = f64::from(inner) / f64::from(n);
+    assert!((share - expected).abs() < 4.0 * (expected / f64::from(n)).sqrt(), "{share} {expected}");
+}
+
+/// A tilted plane in focus: rays of one film point meet on it. A point in
+/// focus is given by its distance or by itself.
+#[test]
+fn planes_in_focus() {
+    let tilted = vec![
+        ("fov", float(45.0)),
+        ("aperture_radius", float(0.3)),
+        ("focus_point", Value::Vector(DVec3::new(0.5, 0.25, 2.0))),
+        ("focus_tilt_y", float(45.0)),
+    ];
+    let camera = read("thinlens", tilted, LANDSCAPE, DVec3::ZERO).unwrap();
+    for film in [[12.0, 31.0], [30.0, 20.0], [55.0, 3.0]] {
+        let film = Vec2::from(film);
+        let rays = [[0.1, 0.3], [0.9, 0.2], [0.6, 0.8]].map(|u| camera.ray(film, Vec2::from(u), 0.0));
+        // The plane z + x = 2.
+        let meet = rays.map(|r| r.at((2.0 - r.origin.z - r.origin.x) / (r.dir.z + r.dir.x)));
+        assert!((meet[0] - meet[1]).length() < 1e-5 && (meet[0] - meet[2]).length() < 1e-5, "{meet:?}");
+    }
 }
 
 #[test]

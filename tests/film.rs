@@ -10,6 +10,7 @@ fn sample(pixel: (i32, i32), index: u64) -> (Vec2, PixelSample) {
     let sampler = Sampler::new(5, pixel, index);
     let (offset, light) = sampler.pixel_and_light();
     let sample = PixelSample {
+        motion: Vec2::ZERO,
         rgb: Rgb::new(light.x, light.x * light.y * 3.0, 0.2 + offset.x),
         alpha: light.y.round(),
         albedo: Rgb::new(offset.y, 0.5, light.x),

@@ -191,6 +191,13 @@ fn a_moving_camera_is_a_moving_scene() {
     let camera = format!(r#"<animation name="to_world">{}{}</animation>"#, key(2.0, 0.0), key(4.0, 0.5));
     let ready = Ready::from_xml(&plates(plate, &camera, SHUTTER), None, None);
     assert!(ready.scene.camera_moves());
+    let mut o = render::options(4, 1);
+    o.layers.motion = true;
+    let layers = ready.render(&o).film.resolve();
+    // Where a sample has hit the plate, it goes 5 pixels to the right.
+    let (right, down) = (layers.channel("forward.u").unwrap(), layers.channel("forward.v").unwrap());
+    let most = right.iter().copied().fold(0.0f32, f32::max);
+    assert!((most - 5.0).abs() < 1e-3 && down.iter().all(|v| v.abs() < 1e-3), "{most}");
     let picture = rgb(&ready.picture(8192, 1));
     for x in 0..20 {
         let expected = coverage(x as f64, 4.0, 9.0, 4.0);

@@ -18,18 +18,22 @@
 //!
 //! A `<film>` and a `<sampler>` inside are read elsewhere.
 
+mod aperture;
 mod motion;
 mod orthographic;
+mod panorama;
 mod parse;
 mod perspective;
 mod thinlens;
 
 pub use motion::CameraMotion;
 pub use orthographic::Orthographic;
+pub use panorama::{Fisheye, Spherical};
 pub use parse::{camera_position, shutter};
 pub use perspective::Perspective;
 pub use thinlens::ThinLens;
 
+use aperture::Aperture;
 use glam::DVec2;
 
 use crate::desc::{ObjectId, Result, SceneDesc, kinds};
@@ -45,6 +49,10 @@ kinds! {
         ThinLens(ThinLens) = ["thinlens"],
         /// Parallel rays.
         Orthographic(Orthographic) = ["orthographic"],
+        /// The whole sphere.
+        Spherical(Spherical) = ["spherical"],
+        /// Up to the whole sphere, round.
+        Fisheye(Fisheye) = ["fisheye"],
     }
 }
 
@@ -89,14 +97,17 @@ impl Camera {
 
     /// The ray through `film` (pixels of the whole film) and the point of the
     /// lens that `lens` in \[0, 1)² picks. `dir` has unit length, the origin is
-    /// on the near plane and `t_max` at the far one. Beyond the film's borders
-    /// the film plane simply goes on.
+    /// on the near plane and `t_max` at the far one; a `t_max` of 0 says that
+    /// the camera sees nothing there. Beyond the film's borders the film plane
+    /// simply goes on.
     #[must_use]
     pub fn ray(&self, film: Vec2, lens: Vec2, time: f32) -> Ray {
         let mut ray = match self {
             Camera::Perspective(c) => c.ray(film),
             Camera::ThinLens(c) => c.ray(film, lens),
             Camera::Orthographic(c) => c.ray(film),
+            Camera::Spherical(c) => c.ray(film),
+            Camera::Fisheye(c) => c.ray(film),
         };
         ray.time = time;
         ray
@@ -105,7 +116,7 @@ impl Camera {
     /// True if [`Camera::ray`] depends on `lens`.
     #[must_use]
     pub fn needs_lens(&self) -> bool {
-        matches!(self, Camera::ThinLens(c) if c.aperture_radius() > 0.0)
+        matches!(self, Camera::ThinLens(c) if c.is_open())
     }
 
     /// World to RenderMan's camera space (left-handed: +x right, +y up, +z
@@ -125,15 +136,31 @@ impl Camera {
     /// `worldToNDC`: after division by w, (0, 0) is the upper left and (1, 1)
     /// the lower right corner of the display window (the whole film), and z
     /// goes from 0 on the near plane to 1 on the far one. Layout as in
-    /// [`Camera::world_to_camera`].
+    /// [`Camera::world_to_camera`]. `None` for cameras that no matrix describes.
     #[must_use]
-    pub fn world_to_ndc(&self) -> DMat4 {
+    pub fn world_to_ndc(&self) -> Option<DMat4> {
         let to_film = match self {
             Camera::Perspective(c) => c.camera_to_ndc(),
             Camera::ThinLens(c) => c.camera_to_ndc(),
             Camera::Orthographic(c) => c.camera_to_ndc(),
+            Camera::Spherical(_) | Camera::Fisheye(_) => return None,
         };
-        to_film * self.pose().original().inverse()
+        Some(to_film * self.pose().original().inverse())
+    }
+
+    /// Where on a film of that many pixels a point of the recentred world is
+    /// seen (through the middle of the lens); `None` behind the camera.
+    #[must_use]
+    pub fn film_of(&self, p: DVec3, size: DVec2) -> Option<DVec2> {
+        let local = || self.pose().to_world.inverse().transform_point3(p);
+        match self {
+            Camera::Spherical(c) => c.film_of(local()),
+            Camera::Fisheye(c) => c.film_of(local()),
+            Camera::Perspective(_) | Camera::ThinLens(_) | Camera::Orthographic(_) => {
+                let ndc = self.world_to_ndc()? * (p + self.pose().recentre).extend(1.0);
+                (ndc.w > 0.0).then(|| (ndc.truncate() / ndc.w).truncate() * size)
+            }
+        }
     }
 
     /// Typical and extreme cameras, each with a name for messages, for a film
@@ -149,14 +176,20 @@ impl Camera {
         .unwrap_or_default();
         let pose = |to_world| Pose::new(to_world, DVec3::new(1.0, 2.0, 3.0));
         let pinhole = |fov: f64, offset| Perspective::new(pose(turned), film, clip, fov, offset);
+        let lens = |aperture, tilt| ThinLens::new(pinhole(45.0, DVec2::ZERO), aperture, 2.0, tilt);
+        let blades = Aperture { radius: 0.2, blades: 5, rotation: 0.4, ratio: 1.8 };
         vec![
             ("perspective".to_string(), pinhole(45.0, DVec2::ZERO).into()),
             ("perspective, shifted".to_string(), pinhole(60.0, DVec2::new(0.1, -0.2)).into()),
             ("perspective, 179 degrees".to_string(), pinhole(179.0, DVec2::ZERO).into()),
             ("perspective, 1e-3 degrees".to_string(), pinhole(1e-3, DVec2::ZERO).into()),
-            ("thinlens".to_string(), ThinLens::new(pinhole(45.0, DVec2::ZERO), 0.2, 2.0).into()),
-            ("thinlens, closed".to_string(), ThinLens::new(pinhole(45.0, DVec2::ZERO), 0.0, 2.0).into()),
+            ("thinlens".to_string(), lens(Aperture::disk(0.2), [0.0; 2]).into()),
+            ("thinlens, closed".to_string(), lens(Aperture::disk(0.0), [0.0; 2]).into()),
+            ("thinlens, blades and tilt".to_string(), lens(blades, [0.3, -1.2]).into()),
             ("orthographic".to_string(), Orthographic::new(pose(turned), film, clip).into()),
+            ("spherical".to_string(), Spherical::new(pose(turned), film, clip).into()),
+            ("fisheye".to_string(), Fisheye::new(pose(turned), film, clip, 180.0).into()),
+            ("fisheye, whole sphere".to_string(), Fisheye::new(pose(turned), film, clip, 360.0).into()),
         ]
     }
 
@@ -165,6 +198,8 @@ impl Camera {
             Camera::Perspective(c) => c.pose(),
             Camera::ThinLens(c) => c.pose(),
             Camera::Orthographic(c) => c.pose(),
+            Camera::Spherical(c) => c.pose(),
+            Camera::Fisheye(c) => c.pose(),
         }
     }
 }

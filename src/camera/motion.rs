@@ -25,6 +25,13 @@ impl CameraMotion {
         Ok(Some(CameraMotion { back: motion.at(0.0).inverted(), motion }))
     }
 
+    /// Where the camera sees, at the opening of the shutter, what it sees at
+    /// `p` at a time.
+    #[must_use]
+    pub fn to_opening(&self, p: DVec3, time: f32) -> DVec3 {
+        self.motion.at(f64::from(time)).after(&self.back).inverted().point(p)
+    }
+
     /// The ray of the camera at the ray's own time.
     #[must_use]
     pub fn carry(&self, ray: &Ray) -> Ray {

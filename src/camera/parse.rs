@@ -2,7 +2,8 @@
 
 use glam::DVec2;
 
-use super::{Camera, Clip, FilmSize, Orthographic, Perspective, Pose, ThinLens};
+use super::aperture::Aperture;
+use super::{Camera, Clip, FilmSize, Fisheye, Orthographic, Perspective, Pose, Spherical, ThinLens};
 use crate::desc::{Category, ObjectId, Params, Result, SceneDesc};
 use crate::math::{DVec3, Motion, Transform};
 
@@ -42,15 +43,13 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
     let camera = match params.object().plugin.as_str() {
         "perspective" => {
             rigid(&params, &to_world)?;
-            let offset = DVec2::new(
-                params.float("principal_point_offset_x", 0.0)?,
-                params.float("principal_point_offset_y", 0.0)?,
-            );
+            let offset = principal_point(&params)?;
             Perspective::new(pose, film, clip, x_fov_deg(&params, film.aspect())?, offset).into()
         }
         "thinlens" => {
             rigid(&params, &to_world)?;
-            let pinhole = Perspective::new(pose, film, clip, x_fov_deg(&params, film.aspect())?, DVec2::ZERO);
+            let offset = principal_point(&params)?;
+            let pinhole = Perspective::new(pose, film, clip, x_fov_deg(&params, film.aspect())?, offset);
             let aperture_radius = params
                 .float_opt("aperture_radius")?
                 .ok_or_else(|| params.error("sensor `thinlens` needs an `aperture_radius`"))?;
@@ -60,9 +59,25 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
                     format!("`aperture_radius` must not be negative, found {aperture_radius}"),
                 ));
             }
-            ThinLens::new(pinhole, aperture_radius, focus_distance).into()
+            let aperture = aperture(&params, aperture_radius)?;
+            let focus_distance = focus(&params, &to_world, focus_distance)?;
+            let tilt = [tilt(&params, "focus_tilt_x")?, tilt(&params, "focus_tilt_y")?];
+            ThinLens::new(pinhole, aperture, focus_distance, tilt).into()
         }
         "orthographic" => Orthographic::new(pose, film, clip).into(),
+        "spherical" => {
+            rigid(&params, &to_world)?;
+            Spherical::new(pose, film, clip).into()
+        }
+        "fisheye" => {
+            rigid(&params, &to_world)?;
+            let fov = params.float("fov", 180.0)?;
+            if !(fov > 0.0 && fov <= 360.0) {
+                let message = format!("`fov` of a fisheye must lie in (0, 360] degrees, found {fov}");
+                return Err(params.error_at("fov", message));
+            }
+            Fisheye::new(pose, film, clip, fov).into()
+        }
         other => {
             return Err(params
                 .error(format!("there is no sensor `{other}`"))
@@ -71,6 +86,47 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
     };
     params.finish()?;
     Ok(camera)
+}
+
+fn principal_point(params: &Params) -> Result<DVec2> {
+    Ok(DVec2::new(
+        params.float("principal_point_offset_x", 0.0)?,
+        params.float("principal_point_offset_y", 0.0)?,
+    ))
+}
+
+fn aperture(params: &Params, radius: f64) -> Result<Aperture> {
+    let blades = params.int("blades", 0)?;
+    let valid = u32::try_from(blades).ok().filter(|n| *n == 0 || (3..=1024).contains(n));
+    let Some(blades) = valid else {
+        let message = format!("`blades` must be 0 (round) or from 3 to 1024, found {blades}");
+        return Err(params.error_at("blades", message));
+    };
+    let rotation = params.float("blade_rotation", 0.0)?.to_radians();
+    Ok(Aperture { radius, blades, rotation, ratio: positive(params, "aperture_ratio", 1.0)? })
+}
+
+/// The distance in focus: given, or that of a point.
+fn focus(params: &Params, to_world: &Transform, distance: f64) -> Result<f64> {
+    let Some(point) = params.vector_opt("focus_point")? else { return Ok(distance) };
+    if params.has("focus_distance") {
+        let message = "give either `focus_distance` or `focus_point`, not both";
+        return Err(params.error_at("focus_point", message));
+    }
+    let depth = to_world.inverted().point(point).z;
+    if depth > 0.0 && depth.is_finite() {
+        return Ok(depth);
+    }
+    Err(params.error_at("focus_point", "`focus_point` must lie in front of the camera"))
+}
+
+/// Degrees between −90 and 90, as radians.
+fn tilt(params: &Params, name: &'static str) -> Result<f64> {
+    let angle = params.float(name, 0.0)?;
+    if angle.abs() < 90.0 {
+        return Ok(angle.to_radians());
+    }
+    Err(params.error_at(name, format!("`{name}` must lie between −90 and 90 degrees, found {angle}")))
 }
 
 fn positive(params: &Params, name: &'static str, default: f64) -> Result<f64> {

@@ -155,6 +155,12 @@ pub enum Aov {
     /// Position, world space.
     #[value(name = "P")]
     Position,
+    /// Mean square of single samples' radiance.
+    #[value(name = "m2")]
+    Moment,
+    /// Pixels that the surface moves while the shutter is open.
+    #[value(name = "forward")]
+    Motion,
     /// Distance to the nearest surface in the pixel; not filtered.
     #[value(name = "Z")]
     Depth,
@@ -172,6 +178,8 @@ impl RenderArgs {
             normal: has(Aov::Normal),
             position: has(Aov::Position),
             depth: has(Aov::Depth),
+            moment: has(Aov::Moment),
+            motion: has(Aov::Motion),
         }
     }
 }

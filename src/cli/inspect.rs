@@ -32,8 +32,16 @@ pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
 }
 
 /// The layers of a render without `--aov` that the film sums.
-const FILM_LAYERS: LayerSet =
-    LayerSet { alpha: true, error: true, albedo: false, normal: false, position: false, depth: false };
+const FILM_LAYERS: LayerSet = LayerSet {
+    alpha: true,
+    error: true,
+    albedo: false,
+    normal: false,
+    position: false,
+    depth: false,
+    moment: false,
+    motion: false,
+};
 
 /// What the sums of the film take, without and with replicas.
 fn film_memory(scene: &Scene) -> String {

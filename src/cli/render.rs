@@ -24,6 +24,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let clock = Instant::now();
     let scene = Scene::build(&desc, &args.scene.build_options())?;
     let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let file_layers = Integrator::layers_from_desc(&desc)?;
     let build = clock.elapsed().as_secs_f64();
     let hash = desc.content_hash();
     drop(desc);
@@ -40,7 +41,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
         seed: args.seed,
         sequence: args.sampler,
         threads: args.threads,
-        layers: args.layers(),
+        layers: args.layers().or(file_layers),
         order: TileOrder::CentreOut,
     };
     if !args.quiet {
@@ -163,7 +164,7 @@ fn header(
             text("badSamples", stats.bad.summary()),
         ],
         world_to_camera: Some(scene.camera.world_to_camera()),
-        world_to_ndc: Some(scene.camera.world_to_ndc()),
+        world_to_ndc: scene.camera.world_to_ndc(),
         ..Header::default()
     };
     if options.replicas > 0 {

@@ -1,7 +1,8 @@
 //! What a sample carries and which of it the film keeps.
 
 use super::groups::{Groups, PER_GROUP};
-use crate::math::{Rgb, Vec3};
+use super::tile::Limits;
+use crate::math::{Rgb, Vec2, Vec3};
 
 /// Which layers a film keeps beside R, G, B. What is off costs nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,19 +18,47 @@ pub struct LayerSet {
     /// `Z`: the closest of the samples in the pixel, not filtered; infinite
     /// where nothing was hit.
     pub depth: bool,
+    /// `m2.R/G/B`: mean square of the radiance of single samples, filtered.
+    pub moment: bool,
+    /// `forward.u/v`: how many pixels the first surface moves to the right and
+    /// down from the opening of the shutter to its end, filtered.
+    pub motion: bool,
     /// `error.R/G/B`: standard error of the mean.
     pub error: bool,
 }
 
 impl LayerSet {
     /// All layers.
-    pub const ALL: LayerSet =
-        LayerSet { alpha: true, albedo: true, normal: true, position: true, depth: true, error: true };
+    pub const ALL: LayerSet = LayerSet {
+        alpha: true,
+        albedo: true,
+        normal: true,
+        position: true,
+        depth: true,
+        moment: true,
+        motion: true,
+        error: true,
+    };
+
+    /// The layers of either.
+    #[must_use]
+    pub fn or(self, other: LayerSet) -> LayerSet {
+        LayerSet {
+            alpha: self.alpha | other.alpha,
+            albedo: self.albedo | other.albedo,
+            normal: self.normal | other.normal,
+            position: self.position | other.position,
+            depth: self.depth | other.depth,
+            moment: self.moment | other.moment,
+            motion: self.motion | other.motion,
+            error: self.error | other.error,
+        }
+    }
 
     /// True when some layer shows what the first hit decides.
     #[must_use]
     pub fn needs_first_hit(self) -> bool {
-        self.albedo || self.normal || self.position || self.depth
+        self.albedo || self.normal || self.position || self.depth || self.motion
     }
 }
 
@@ -49,6 +78,8 @@ pub struct PixelSample {
     pub position: Vec3,
     /// Distance of the first surface; infinite where there is none.
     pub depth: f32,
+    /// Pixels that the first surface moves; 0 where there is none.
+    pub motion: Vec2,
 }
 
 impl Default for PixelSample {
@@ -61,6 +92,7 @@ impl Default for PixelSample {
             normal: Vec3::ZERO,
             position: Vec3::ZERO,
             depth: f32::INFINITY,
+            motion: Vec2::ZERO,
         }
     }
 }
@@ -75,12 +107,13 @@ impl PixelSample {
             && self.albedo.is_finite()
             && self.normal.is_finite()
             && self.position.is_finite()
+            && self.motion.is_finite()
             && !self.depth.is_nan()
     }
 }
 
 /// Most values in one pixel beyond the groups.
-pub(super) const MAX_EXTRAS: usize = 10;
+pub(super) const MAX_EXTRAS: usize = 15;
 
 /// Where the sums of a pixel lie: the groups, then the other layers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,6 +126,8 @@ pub(super) struct Layout {
     pub albedo: Option<usize>,
     pub normal: Option<usize>,
     pub position: Option<usize>,
+    pub moment: Option<usize>,
+    pub motion: Option<usize>,
 }
 
 impl Layout {
@@ -107,13 +142,15 @@ impl Layout {
         let albedo = take(layers.albedo, 3);
         let normal = take(layers.normal, 3);
         let position = take(layers.position, 3);
-        Layout { groups, extras, stride, alpha, albedo, normal, position }
+        let moment = take(layers.moment, 3);
+        let motion = take(layers.motion, 2);
+        Layout { groups, extras, stride, alpha, albedo, normal, position, moment, motion }
     }
 
     /// Writes the values of a sample beyond the groups, in order, and gives
-    /// their number; positions are held to ± `limit`.
+    /// their number; squares, positions and motion are held to the limits.
     #[inline]
-    pub fn write_extras(&self, sample: &PixelSample, limit: f32, out: &mut [f64; MAX_EXTRAS]) -> usize {
+    pub fn write_extras(&self, sample: &PixelSample, limits: &Limits, out: &mut [f64; MAX_EXTRAS]) -> usize {
         let mut put = |at: Option<usize>, values: &[f32]| {
             if let Some(at) = at {
                 for (k, v) in values.iter().enumerate() {
@@ -124,7 +161,15 @@ impl Layout {
         put(self.alpha, &[sample.alpha]);
         put(self.albedo, &sample.albedo.to_array());
         put(self.normal, &sample.normal.to_array());
+        let limit = limits.position;
         put(self.position, &sample.position.clamp(Vec3::splat(-limit), Vec3::splat(limit)).to_array());
+        put(self.motion, &sample.motion.clamp(Vec2::splat(-limit), Vec2::splat(limit)).to_array());
+        if let Some(at) = self.moment {
+            let squares = (sample.rgb.as_dvec3() * sample.rgb.as_dvec3()).to_array();
+            for (k, v) in squares.into_iter().enumerate() {
+                out[at - self.extras + k] = v.min(limits.moment);
+            }
+        }
         self.stride - self.extras
     }
 }

@@ -90,8 +90,14 @@ impl Film {
             group[1..].fill(one / radiance);
         }
         let limit = 2f64.powi(LIMIT_BITS);
-        let limits =
-            Limits { radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32, position: limit as f32 };
+        if let Some(at) = layout.moment {
+            units[at..at + 3].fill(one / radiance / radiance);
+        }
+        let limits = Limits {
+            radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32,
+            position: limit as f32,
+            moment: limit * radiance * radiance,
+        };
         let window = spec.stored();
         let depth = if layers.depth { window.width() } else { 0 };
         let rows = (0..window.height())
@@ -269,6 +275,8 @@ impl Film {
         add(self.layers.albedo, &["albedo.R", "albedo.G", "albedo.B"]);
         add(self.layers.normal, &["N.X", "N.Y", "N.Z"]);
         add(self.layers.position, &["P.X", "P.Y", "P.Z"]);
+        add(self.layers.moment, &["m2.R", "m2.G", "m2.B"]);
+        add(self.layers.motion, &["forward.u", "forward.v"]);
         add(self.layers.depth, &["Z"]);
         add(self.layers.error, &["error.R", "error.G", "error.B"]);
         names

@@ -32,6 +32,7 @@ pub struct Tile {
 pub(super) struct Limits {
     pub radiance: f32,
     pub position: f32,
+    pub moment: f64,
 }
 
 impl Tile {
@@ -110,7 +111,7 @@ impl Tile {
         let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return };
         let group = self.layout.groups.of(index) * PER_GROUP;
         let [r, g, b] = sample.rgb.as_dvec3().to_array();
-        let count = self.layout.write_extras(sample, self.limits.position, &mut self.extras);
+        let count = self.layout.write_extras(sample, &self.limits, &mut self.extras);
         let (values, extras) = ([1.0, r, g, b], &self.extras[..count]);
         let (stride, first_extra) = (self.layout.stride, self.layout.extras);
         for (row, wy) in wy.iter().enumerate() {

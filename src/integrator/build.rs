@@ -2,11 +2,12 @@
 //! Mitsuba 3.9, and two of our own (`whitted`, `ao`).
 
 use super::{AmbientOcclusion, Depth, Direct, Integrator, Path, Whitted};
-use crate::desc::{Category, Error, Params, Result, SceneDesc};
+use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
+use crate::film::LayerSet;
 use crate::math::Rgb;
 
 /// Scene-file names of all integrators.
-pub const NAMES: &[&str] = &["path", "direct", "whitted", "ao", "depth"];
+pub const NAMES: &[&str] = &["path", "direct", "whitted", "ao", "depth", "moment", "aov"];
 
 /// Choices of the command line that go over the scene file.
 #[derive(Clone, Debug, Default)]
@@ -33,10 +34,17 @@ impl Integrator {
         }
         let mut integrator = match found.first() {
             Some((_, id)) => {
-                let params = desc.params(*id);
-                let integrator = read(&params)?;
-                params.finish()?;
-                integrator
+                let params = desc.params(inside(desc, *id)?.0);
+                // One that is not ours may be replaced by the command line.
+                if !NAMES.contains(&params.object().plugin.as_str())
+                    && let Some(name) = &options.name
+                {
+                    Integrator::named(name, &Integrator::Path(DEFAULT_PATH))?
+                } else {
+                    let integrator = read(&params)?;
+                    params.finish()?;
+                    integrator
+                }
             }
             None => Integrator::Path(DEFAULT_PATH),
         };
@@ -49,6 +57,17 @@ impl Integrator {
             integrator.limit_depth(depth)?;
         }
         Ok(integrator)
+    }
+
+    /// The layers that the scene's integrator asks for: see [`inside`].
+    ///
+    /// # Errors
+    /// As [`Integrator::from_desc`].
+    pub fn layers_from_desc(desc: &SceneDesc) -> Result<LayerSet> {
+        match desc.params(desc.root).children(Category::Integrator).first() {
+            Some((_, id)) => Ok(inside(desc, *id)?.1),
+            None => Ok(LayerSet::default()),
+        }
     }
 
     /// An integrator by name; what `like` limits (depth, hidden emitters) stays.
@@ -102,6 +121,45 @@ fn depth_limit(depth: i64) -> Option<u32> {
         0.. => Some(u32::try_from(depth).unwrap_or(u32::MAX)),
         _ => None,
     }
+}
+
+/// The integrator in `moment` and `aov`, which only ask for more layers: the
+/// mean square of the samples (`m2`), and those that `aovs` lists as
+/// `name:type`. Layers have names of their own here: a `depth` is `Z`, a
+/// `position` `P`, a `sh_normal` `N`, and `albedo` `albedo`.
+fn inside(desc: &SceneDesc, id: ObjectId) -> Result<(ObjectId, LayerSet)> {
+    let params = desc.params(id);
+    let mut layers = LayerSet::default();
+    match params.object().plugin.as_str() {
+        "moment" => layers.moment = true,
+        "aov" => {
+            let list = params.string_opt("aovs")?.unwrap_or_default();
+            for entry in list.split(',').map(str::trim).filter(|entry| !entry.is_empty()) {
+                let kind = entry.split_once(':').map_or(entry, |(_, kind)| kind).trim();
+                match kind {
+                    "depth" => layers.depth = true,
+                    "position" => layers.position = true,
+                    "sh_normal" => layers.normal = true,
+                    "albedo" => layers.albedo = true,
+                    other => {
+                        return Err(params
+                            .error_at("aovs", format!("there is no layer of type `{other}`"))
+                            .suggest(other, ["depth", "position", "sh_normal", "albedo"]));
+                    }
+                }
+            }
+        }
+        _ => return Ok((id, layers)),
+    }
+    let nested = params.children(Category::Integrator);
+    let [(_, nested)] = nested.as_slice() else {
+        let name = &params.object().plugin;
+        let message = format!("integrator `{name}` needs one integrator inside, found {}", nested.len());
+        return Err(params.error(message));
+    };
+    params.finish()?;
+    let (innermost, more) = inside(desc, *nested)?;
+    Ok((innermost, layers.or(more)))
 }
 
 fn max_depth(params: &Params, default: i64) -> Result<u32> {

@@ -82,6 +82,9 @@ impl Integrator {
     /// Estimates what one sample of one pixel sees. `record` is told of every
     /// vertex; pass [`NoRecord`] to render.
     pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+        if camera.ray.t_max <= 0.0 {
+            return PixelSample::default();
+        }
         match self {
             Integrator::Path(i) => i.sample(scene, camera, record),
             Integrator::Direct(i) => i.sample(scene, camera, record),
@@ -200,6 +203,9 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
     let normal = hit.scatter.normal().unwrap_or(surface.ns);
     out.normal = if normal.dot(hit.wo) < 0.0 { -normal } else { normal };
     out.albedo = hit.scatter.albedo(hit.wo);
+    if scene.plan.motion {
+        out.motion = scene.screen_motion(surface);
+    }
 }
 
 /// The first hit of a camera ray; with `skip_lights` it goes through shapes

@@ -15,6 +15,8 @@ pub use select::{Candidates, Choice, LightSelection};
 
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use crate::accel::Accel;
 use crate::camera::{Camera, CameraMotion};
 use crate::film::FilmSpec;
@@ -265,6 +267,22 @@ impl Scene {
         let Some(i) = self.environment else { return (Rgb::ZERO, 0.0) };
         let (le, pdf) = self.lights[i as usize].environment_and_pdf(wi);
         (le, self.selection.rate_infinite(i as usize) * pdf)
+    }
+
+    /// How many pixels a surface point moves to the right and down from the
+    /// opening of the shutter to its end; zero when it is behind the camera.
+    #[must_use]
+    pub fn screen_motion(&self, surface: &SurfacePoint) -> Vec2 {
+        let size = DVec2::new(f64::from(self.film.size[0]), f64::from(self.film.size[1]));
+        let seen = |time: f32| {
+            let p = self.geometry.moved(surface, time).as_dvec3();
+            let p = self.camera_motion.as_ref().map_or(p, |m| m.to_opening(p, time));
+            self.camera.film_of(p, size)
+        };
+        match (seen(0.0), seen(1.0)) {
+            (Some(a), Some(b)) if (b - a).is_finite() => (b - a).as_vec2(),
+            _ => Vec2::ZERO,
+        }
     }
 
     /// The size of what each light gives, in a scene of this radius: see

@@ -331,6 +331,21 @@ impl Geometry {
         surface
     }
 
+    /// Where a surface point is at another time of the shutter.
+    #[must_use]
+    pub fn moved(&self, surface: &SurfacePoint, time: f32) -> Vec3 {
+        let instance = self.instance(surface.instance);
+        let mut local = surface.p;
+        if let Some(index) = self.moving_index(surface.prim) {
+            let [a, b, c] = self.moving_triangle(index, time);
+            let [u, v] = surface.barycentric.to_array();
+            local = a * (1.0 - u - v) + b * u + c * v;
+        } else if let Some(instance) = instance {
+            local = instance.at(surface.time).point_to_local(surface.p);
+        }
+        instance.map_or(local, |instance| instance.at(time).point_to_world(local))
+    }
+
     /// The surface at a hit in an instance.
     fn surface_inside(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
         let inside = Hit { instance: Hit::NO_INSTANCE, ..*hit };

@@ -114,6 +114,18 @@ impl Placed {
         ray
     }
 
+    /// A point of the world in the group's space.
+    #[must_use]
+    pub fn point_to_local(&self, p: Vec3) -> Vec3 {
+        (self.0.inverse * p.as_dvec3() + self.0.back).as_vec3()
+    }
+
+    /// A point of the group in the world.
+    #[must_use]
+    pub fn point_to_world(&self, p: Vec3) -> Vec3 {
+        (self.0.matrix * p.as_dvec3() + self.0.translation).as_vec3()
+    }
+
     /// A surface point of the group in the world.
     #[must_use]
     pub fn to_world(&self, local: &SurfacePoint, instance: PrimId) -> SurfacePoint {
