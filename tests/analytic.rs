@@ -374,3 +374,26 @@ fn depth_and_ambient_occlusion() {
     let camera = ([0.3, 0.2, 0.0], [0.0, 0.0, 0.0]);
     check(&Case { name: "disk", body, camera, expected: 0.5, integrators: &["ao"], samples: 4096 });
 }
+
+/// A light that shines along its normal: a beam with sharp sides, of the same
+/// irradiance at any distance.
+#[test]
+fn a_directional_area_makes_a_beam() {
+    let scene = |shift: f64| {
+        let body = format!(
+            r#"<scene version="3.0.0">
+            <shape type="rectangle"><transform name="to_world"><scale value="9"/><rotate x="1" angle="-90"/>
+              </transform></shape>
+            <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="90"/>
+              <translate x="{shift}" y="7"/></transform>
+              <emitter type="directionalarea"><rgb name="radiance" value="2"/></emitter></shape>
+            {}</scene>"#,
+            sensor(([0.0, 3.0, -4.0], [0.0, 0.0, 0.0]))
+        );
+        mean(&Ready::from_xml(&body, Some("path"), None).picture(16, 1))
+    };
+    // ρ E / π = 0.5 · 2 / π inside, nothing beside it.
+    let inside = scene(0.9);
+    assert!((inside - 1.0 / std::f64::consts::PI).abs() < 1e-6, "{inside}");
+    assert_eq!(scene(1.1), 0.0);
+}

@@ -8,6 +8,7 @@
 
 mod error;
 mod kinds;
+mod optics;
 mod params;
 
 pub use error::{Error, Pos, Result, nearest};

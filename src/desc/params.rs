@@ -176,6 +176,12 @@ impl<'a> Params<'a> {
         }
     }
 
+    /// The horizontal field of view in degrees of a film of this aspect, from
+    /// `fov` and `fov_axis` or `focal_length`.
+    pub fn x_fov_deg(&self, aspect: f64) -> Result<f64> {
+        super::optics::x_fov_deg(self, aspect)
+    }
+
     /// A plain colour (rgb or a single float), or the default. No texture.
     pub fn rgb(&self, name: &'static str, default: Rgb) -> Result<Rgb> {
         let Some(param) = self.get(name) else { return Ok(default) };

@@ -6,7 +6,7 @@ use glam::DMat3;
 
 use super::envmap::EnvOptions;
 use super::spot::Cone;
-use super::{Constant, Directional, EnvMap, Light, Point, Spot};
+use super::{Constant, Directional, EnvMap, Light, Point, Projector, Spot};
 use crate::desc::{Image, Pixels};
 use crate::math::{DVec3, Rgb, Transform, Vec3};
 
@@ -27,6 +27,7 @@ impl Light {
             ("spot".into(), spot(40.0, 30.0).into()),
             ("spot, hard edge".into(), spot(25.0, 25.0).into()),
             ("spot, whole sphere".into(), spot(180.0, 0.0).into()),
+            ("projector".into(), Projector::example(&pose).into()),
             ("directional".into(), Directional { irradiance: intensity, towards, weight: 1.0 }.into()),
             ("constant".into(), Constant { radiance: intensity, weight: 1.0 }.into()),
         ];

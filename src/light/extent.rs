@@ -65,6 +65,17 @@ impl Light {
                 let spread = beam.max(cutoff - FRAC_PI_2);
                 one(Extent { axis, spread: (spread + SLACK).min(PI), falloff: cutoff - spread, ..all })
             }
+            Light::Projector(p) => {
+                let all = Extent::everywhere(Bounds::point(p.position), 0.0, p.power());
+                let Some((axis, angle)) = p.cone() else { return one(all) };
+                one(Extent { axis, spread: (angle + SLACK).min(PI), falloff: 0.0, ..all })
+            }
+            Light::Beam(beam) => {
+                let all = Extent::everywhere(geometry.prim_bounds(beam.prim), 0.0, beam.power());
+                let radius = all.bounds.bounding_sphere().1;
+                // Not falling off with distance as others do: bounded by nothing.
+                one(Extent { radius, ..all })
+            }
             Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) => Vec::new(),
         }
     }

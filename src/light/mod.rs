@@ -10,6 +10,7 @@
 //! chosen, which changes the noise and never the mean.
 
 mod area;
+mod beam;
 mod constant;
 mod directional;
 mod envmap;
@@ -18,18 +19,21 @@ mod examples;
 mod extent;
 mod parse;
 mod point;
+mod projector;
 mod receiver;
 mod spot;
 mod tree;
 mod tree_build;
 
 pub use area::{AreaEmission, AreaLight};
+pub use beam::Beam;
 pub use constant::Constant;
 pub use directional::Directional;
 pub use envmap::EnvMap;
 pub use extent::{Emitter, Extent};
 pub use parse::{area_emission_from_desc, emitter_from_desc};
 pub use point::Point;
+pub use projector::Projector;
 pub use receiver::Receiver;
 pub use spot::Spot;
 pub use tree::{LightTree, TreeSample, TreeWalk};
@@ -48,6 +52,10 @@ kinds! {
         Point(Point) = ["point"],
         /// A point with a cone.
         Spot(Spot) = ["spot"],
+        /// A point that projects a picture.
+        Projector(Projector) = ["projector"],
+        /// A flat shape that shines along its normal.
+        Beam(Beam) = ["directionalarea"],
         /// Parallel light from infinity.
         Directional(Directional) = ["directional"],
         /// A surrounding of one colour.
@@ -109,6 +117,8 @@ impl Light {
             Light::Area(l) => l.sample(geometry, receiver, prim, u),
             Light::Point(l) => l.sample(receiver.p),
             Light::Spot(l) => l.sample(receiver.p),
+            Light::Projector(l) => l.sample(receiver.p),
+            Light::Beam(l) => l.sample(geometry, receiver.p),
             Light::Directional(l) => l.sample(),
             Light::Constant(l) => l.sample(u),
             Light::EnvMap(l) => l.sample(u),
@@ -127,7 +137,7 @@ impl Light {
         match self {
             Light::Constant(l) => l.radiance,
             Light::EnvMap(l) => l.radiance(wi),
-            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => Rgb::ZERO,
+            _ => Rgb::ZERO,
         }
     }
 
@@ -138,7 +148,7 @@ impl Light {
         match self {
             Light::Constant(l) => l.pdf(),
             Light::EnvMap(l) => l.pdf(wi),
-            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => 0.0,
+            _ => 0.0,
         }
     }
 
@@ -166,7 +176,10 @@ impl Light {
     /// True for lights that only [`Light::sample`] can find.
     #[must_use]
     pub fn is_delta(&self) -> bool {
-        matches!(self, Light::Point(_) | Light::Spot(_) | Light::Directional(_))
+        matches!(
+            self,
+            Light::Point(_) | Light::Spot(_) | Light::Projector(_) | Light::Beam(_) | Light::Directional(_)
+        )
     }
 
     /// Emitted power, as the mean of the RGB channels: for infinite lights
@@ -179,6 +192,8 @@ impl Light {
             Light::Area(l) => l.power(),
             Light::Point(l) => l.power(),
             Light::Spot(l) => l.power(),
+            Light::Projector(l) => l.power(),
+            Light::Beam(l) => l.power(),
             Light::Directional(l) => l.normal_irradiance() * disk,
             Light::Constant(l) => l.radiance_integral() * disk,
             Light::EnvMap(l) => l.radiance_integral() * disk,
@@ -192,6 +207,8 @@ impl Light {
             Light::Area(l) => l.emission.weight,
             Light::Point(l) => l.weight,
             Light::Spot(l) => l.weight,
+            Light::Projector(l) => l.weight,
+            Light::Beam(l) => l.emission.weight,
             Light::Directional(l) => l.weight,
             Light::Constant(l) => l.weight,
             Light::EnvMap(l) => l.weight,
@@ -204,6 +221,8 @@ impl Light {
         match self {
             Light::Area(l) => l.memory_bytes(),
             Light::Spot(l) => l.memory_bytes(),
+            Light::Projector(l) => l.memory_bytes(),
+            Light::Beam(l) => l.emission.radiance.memory_bytes(),
             Light::EnvMap(l) => l.memory_bytes(),
             Light::Point(_) | Light::Directional(_) | Light::Constant(_) => 0,
         }
@@ -237,6 +256,8 @@ impl Light {
             Light::Area(_) => "area",
             Light::Point(_) => "point",
             Light::Spot(_) => "spot",
+            Light::Projector(_) => "projector",
+            Light::Beam(_) => "directionalarea",
             Light::Directional(_) => "directional",
             Light::Constant(_) => "constant",
             Light::EnvMap(_) => "envmap",
@@ -250,7 +271,7 @@ impl Light {
         let integral = match self {
             Light::Constant(l) => return l.radiance,
             Light::EnvMap(l) => l.radiance_integral(),
-            Light::Area(_) | Light::Point(_) | Light::Spot(_) | Light::Directional(_) => 0.0,
+            _ => 0.0,
         };
         Rgb::splat((integral / (4.0 * std::f64::consts::PI)) as f32)
     }
@@ -262,10 +283,11 @@ impl Light {
         let whole = 4.0 * std::f64::consts::PI;
         match self {
             Light::Area(l) => grey(l.emission.radiance.mean()),
+            Light::Beam(l) => grey(l.emission.radiance.mean()),
             Light::Directional(l) => l.normal_irradiance(),
             Light::Constant(l) => l.radiance_integral() / whole,
             Light::EnvMap(l) => l.radiance_integral() / whole,
-            Light::Point(_) | Light::Spot(_) => {
+            Light::Point(_) | Light::Spot(_) | Light::Projector(_) => {
                 self.power(scene_radius) / (whole * scene_radius * scene_radius)
             }
         }

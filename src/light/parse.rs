@@ -4,7 +4,7 @@ use glam::DMat3;
 
 use super::envmap::EnvOptions;
 use super::spot::Cone;
-use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Spot};
+use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot};
 use crate::desc::{Error, ObjectId, Params, Result, SceneDesc};
 use crate::math::{DVec3, Rgb, Transform};
 use crate::texture::{Texture, Usage, texture_param, texture_param_opt};
@@ -18,15 +18,16 @@ pub fn emitter_from_desc(scene: &SceneDesc, id: ObjectId, recentre: DVec3) -> Re
     let light = match params.object().plugin.as_str() {
         "point" => point(&params, recentre, weight)?.into(),
         "spot" => spot(&params, recentre, weight)?.into(),
+        "projector" => projector(&params, recentre, weight)?.into(),
         "directional" => directional(&params, weight)?.into(),
         "constant" => {
             params.transform("to_world")?;
             Constant { radiance: colour(&params, "radiance")?, weight }.into()
         }
         "envmap" => envmap(&params, weight)?.into(),
-        "area" => {
+        name @ ("area" | "directionalarea") => {
             return Err(params
-                .error("emitter `area` must stand inside a shape")
+                .error(format!("emitter `{name}` must stand inside a shape"))
                 .hint("move it into the `<shape>` that is to glow"));
         }
         other => {
@@ -43,7 +44,7 @@ pub fn emitter_from_desc(scene: &SceneDesc, id: ObjectId, recentre: DVec3) -> Re
 pub fn area_emission_from_desc(scene: &SceneDesc, id: ObjectId) -> Result<AreaEmission> {
     let params = scene.params(id);
     let plugin = params.object().plugin.as_str();
-    if plugin != "area" {
+    if plugin != "area" && plugin != "directionalarea" {
         return Err(params
             .error(format!("a shape cannot hold an emitter `{plugin}`"))
             .hint("a shape glows by `<emitter type=\"area\">`"));
@@ -69,7 +70,7 @@ fn weight(params: &Params) -> Result<f32> {
 fn colour(params: &Params, name: &'static str) -> Result<Rgb> {
     match texture_param(params, name, Rgb::ONE, Usage::Radiance)? {
         Texture::Constant(c) => Ok(c),
-        Texture::Bitmap(_) | Texture::Checkerboard(_) => {
+        _ => {
             let plugin = &params.object().plugin;
             Err(params
                 .error_at(name, format!("`{name}` of emitter `{plugin}` must be a colour, not a texture")))
@@ -123,6 +124,17 @@ fn spot(params: &Params, recentre: DVec3, weight: f32) -> Result<Spot> {
     let mut spot = Spot::new(intensity, &to_world, cone, texture);
     spot.weight = weight;
     Ok(spot)
+}
+
+fn projector(params: &Params, recentre: DVec3, weight: f32) -> Result<Projector> {
+    let irradiance = texture_param(params, "irradiance", Rgb::ONE, Usage::Radiance)?;
+    let scale = params.float("scale", 1.0)?;
+    if !(scale >= 0.0) {
+        return Err(params.error_at("scale", format!("`scale` must not be negative, found {scale}")));
+    }
+    let to_world = Transform::translate(-recentre).after(&params.transform("to_world")?);
+    let fov = params.x_fov_deg(irradiance.aspect())?;
+    Ok(Projector::new(irradiance, scale, &to_world, fov, weight))
 }
 
 fn directional(params: &Params, weight: f32) -> Result<Directional> {

@@ -9,16 +9,16 @@ use crate::accel::{Accel, Quality};
 use crate::camera::{Camera, CameraMotion, FilmSize, camera_position, shutter};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
-use crate::light::{AreaEmission, AreaLight, Light, emitter_from_desc};
+use crate::light::{AreaEmission, AreaLight, Beam, Light, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
 use crate::math::DVec3;
-use crate::shape::{GeometryBuilder, ShapeId, ShapeSampler};
+use crate::shape::{Geometry, GeometryBuilder, ShapeId, ShapeSampler};
 use crate::texture::{Usage, texture_from_desc};
 
 /// A light under construction: area lights need the finished geometry.
 pub(super) enum Pending {
     Ready(Light),
-    Area { shape: ShapeId, emission: AreaEmission, object: ObjectId },
+    Area { shape: ShapeId, emission: AreaEmission, object: ObjectId, emitter: ObjectId },
 }
 
 pub(super) struct Builder<'a> {
@@ -145,8 +145,8 @@ fn read_sensor(
 impl Builder<'_> {
     fn emitter(&mut self, id: ObjectId) -> Result<()> {
         let object = self.desc.object(id);
-        if object.plugin == "area" {
-            let message = "emitter `area` must stand inside a shape";
+        if matches!(object.plugin.as_str(), "area" | "directionalarea") {
+            let message = format!("emitter `{}` must stand inside a shape", object.plugin);
             return Err(self
                 .desc
                 .error(object.pos, message)
@@ -186,11 +186,16 @@ impl Builder<'_> {
         for pending in std::mem::take(&mut self.pending) {
             let (light, shape) = match pending {
                 Pending::Ready(light) => (light, None),
-                Pending::Area { shape, emission, object } => {
+                Pending::Area { shape, emission, object, emitter } => {
                     let Some(sampler) = ShapeSampler::new(&geometry, shape) else {
                         let pos = self.desc.object(object).pos;
                         return Err(self.desc.error(pos, "this area light has no area"));
                     };
+                    if self.desc.object(emitter).plugin == "directionalarea" {
+                        let beam = self.beam(&geometry, shape, emission, emitter)?;
+                        lights.push(beam.into());
+                        continue;
+                    }
                     let plain = emission.radiance.is_constant().is_some();
                     let sampler = if plain { sampler.without_uv() } else { sampler };
                     (Light::Area(AreaLight { sampler, emission }), Some(shape))
@@ -240,13 +245,25 @@ impl Builder<'_> {
         })
     }
 
-    fn finish_plan(
-        &mut self,
-        geometry: &crate::shape::Geometry,
-        accel: &Accel,
-        lights: &[Light],
-        environment: bool,
-    ) {
+    /// A light that shines along the normal of a flat shape.
+    fn beam(
+        &self,
+        geometry: &Geometry,
+        shape: ShapeId,
+        emission: AreaEmission,
+        emitter: ObjectId,
+    ) -> Result<Beam> {
+        let prim = geometry.shapes()[shape as usize].first_prim;
+        match geometry.analytic(prim).filter(|a| a.is_planar()) {
+            Some(flat) => Ok(Beam { prim, normal: flat.normal(), area: flat.area(), emission }),
+            None => Err(self
+                .desc
+                .error(self.desc.object(emitter).pos, "`directionalarea` needs a flat shape")
+                .hint("`rectangle` and `disk` are flat")),
+        }
+    }
+
+    fn finish_plan(&mut self, geometry: &Geometry, accel: &Accel, lights: &[Light], environment: bool) {
         let plan = &mut self.plan;
         plan.triangles = geometry.triangle_count() as usize;
         plan.analytic = geometry.analytic_count() as usize;

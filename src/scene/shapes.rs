@@ -228,8 +228,15 @@ impl Builder<'_> {
         self.material_of_shape[slot] = index;
         match emission {
             None => {}
+            Some(_) if self.in_group && desc.object(emitters[0].1).plugin == "directionalarea" => {
+                let pos = desc.object(emitters[0].1).pos;
+                return Err(desc.error(pos, "`directionalarea` can neither move nor be instanced"));
+            }
             Some(emission) if self.in_group => self.glows.push((shape, emission)),
-            Some(emission) => self.pending.push(Pending::Area { shape, emission, object: id }),
+            Some(emission) => {
+                let emitter = emitters[0].1;
+                self.pending.push(Pending::Area { shape, emission, object: id, emitter });
+            }
         }
         Ok(())
     }

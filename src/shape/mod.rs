@@ -182,6 +182,12 @@ impl Analytic {
         matches!(self, Analytic::Disk(_) | Analytic::Rectangle(_))
     }
 
+    /// The unit shading normal in its middle; everywhere, when it is flat.
+    #[must_use]
+    pub fn normal(&self) -> Vec3 {
+        self.sample_area(Vec2::splat(0.5)).ns.as_vec3()
+    }
+
     /// Its name in scene files.
     #[must_use]
     pub fn name(&self) -> &'static str {

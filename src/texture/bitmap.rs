@@ -150,6 +150,10 @@ impl Bitmap {
         self.texels.memory_bytes()
     }
 
+    pub(super) fn aspect(&self) -> f64 {
+        f64::from(self.texels.width()) / f64::from(self.texels.height())
+    }
+
     fn resolution(&self) -> Vec2 {
         Vec2::new(self.texels.width() as f32, self.texels.height() as f32)
     }

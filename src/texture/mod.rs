@@ -120,6 +120,15 @@ impl Texture {
         }
     }
 
+    /// Width over height of its picture; 1 for what has none.
+    #[must_use]
+    pub fn aspect(&self) -> f64 {
+        match self {
+            Texture::Bitmap(b) => b.aspect(),
+            _ => 1.0,
+        }
+    }
+
     /// Typical and extreme textures, each with a name for messages.
     #[must_use]
     pub fn examples() -> Vec<(String, Texture)> {

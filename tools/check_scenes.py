@@ -1,0 +1,143 @@
+#!/usr/bin/env python3
+"""Renders every scene of a folder of Mitsuba render tests and judges it twice.
+
+    tools/check_scenes.py target/release/etendue FOLDER [--only PART] [--csv FILE]
+
+FOLDER holds scenes `…/test_NAME_INTEGRATOR.xml` and beside them
+`refs/test_NAME_ref_rgb.exr` with `…_var.exr`, as Mitsuba's own test data does.
+Scenes with participating media are left out, and listed.
+
+Mitsuba's rule (its test_renders.py): 2e6 samples a scene;
+z = |x - ref| sqrt(spp / max(var, 1e-4)) in XYZ; a value passes when its
+two-sided p exceeds 1 - (1 - 0.01)^(1/pixels); the scene when 99.75 % do.
+
+Ours: 16 seeds, Welch's t on the means of the whole picture and of 8 x 8
+blocks, the reference's own noise included (its variance is that of one
+sample; how many it had is not in the file: --ref-spp, 32000). A level fails
+when its least p, corrected for how many values it has (Sidak), is below 1e-3
+and the difference is above 1e-4 of the picture's mean.
+
+Prints one line per scene and exits 1 when one fails.
+"""
+import argparse
+import csv
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+import OpenImageIO as oiio
+from scipy import stats
+
+SEEDS = 16
+TO_XYZ = np.array([[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]])
+# Integrators of Mitsuba that estimate what ours does.
+SAME = {"ptracer": "path"}
+
+
+def read(path):
+    image = oiio.ImageInput.open(str(path))
+    if image is None:
+        sys.exit(f"{path}: {oiio.geterror()}")
+    pixels = image.read_image("float")
+    names = list(image.spec().channelnames)
+    image.close()
+    wanted = [next(i for i, n in enumerate(names) if n.split(".")[-1] == c) for c in "RGB"]
+    return np.asarray(pixels, np.float64)[:, :, wanted]
+
+
+def render(program, scene, spp, seed, integrator, folder):
+    out = pathlib.Path(folder) / f"{seed}.exr"
+    command = [program, "render", str(scene), "-o", str(out), "--spp", str(spp), "--seed", str(seed), "-q"]
+    if integrator in SAME:
+        command += ["--integrator", SAME[integrator]]
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode != 0:
+        return done.stderr.strip().splitlines()[-1]
+    return read(out)
+
+
+def sidak(p, count):
+    return -np.expm1(count * np.log1p(-min(p, 1 - 1e-16)))
+
+
+def blocks(image):
+    h, w = (image.shape[0] // 8 * 8, image.shape[1] // 8 * 8)
+    part = image[:h, :w].reshape(h // 8, 8, w // 8, 8, -1)
+    return part.mean(axis=(1, 3)).reshape(-1)
+
+
+def judge(pictures, reference, variance, ref_spp, spp):
+    """Share of values that pass Mitsuba's rule, and our p by level."""
+    mean = np.mean(pictures, axis=0)
+    pixels = mean.shape[0] * mean.shape[1]
+    xyz = lambda image: image @ TO_XYZ.T
+    # The file of variances is that of XYZ by Mitsuba's own script.
+    z = np.abs(xyz(mean) - xyz(reference)) * np.sqrt(spp * len(pictures) / np.maximum(variance, 1e-4))
+    alpha = 1 - (1 - 0.01) ** (1 / pixels)
+    accepted = np.mean(2 * stats.norm.sf(z) > alpha)
+    levels = {}
+    for name, reduce in (("mean", lambda i: i.reshape(-1, 3).mean(axis=0)), ("blocks", blocks)):
+        values = np.array([reduce(p) for p in pictures])
+        truth = reduce(reference)
+        own = values.var(axis=0, ddof=1) / len(pictures)
+        per_value = pixels if name == "mean" else 64
+        theirs = reduce(variance) / per_value / ref_spp
+        difference = values.mean(axis=0) - truth
+        spread = np.sqrt(own + theirs)
+        t = np.divide(difference, spread, out=np.zeros_like(difference), where=spread > 0)
+        significant = np.abs(difference) > 1e-4 * max(reference.mean(), 1e-9)
+        p = np.where(significant, 2 * stats.t.sf(np.abs(t), len(pictures) - 1), 1.0)
+        levels[name] = sidak(p.min(), len(p))
+    relative = (mean.mean() - reference.mean()) / reference.mean()
+    return accepted, levels, relative
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("program")
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--csv", type=pathlib.Path)
+    parser.add_argument("--ref-spp", type=int, default=32000)
+    parser.add_argument("--samples", type=float, default=2e6)
+    args = parser.parse_args()
+    rows, failed, media = [], 0, []
+    print("| scene | spp | Mitsuba's rule | p mean | p blocks | mean off by | verdict |\n|-|-|-|-|-|-|-|")
+    for scene in sorted(args.folder.rglob("test_*_*.xml")):
+        name = "_".join(scene.stem.split("_")[:-1])
+        integrator = scene.stem.split("_")[-1]
+        reference = scene.parent / "refs" / f"{name}_ref_rgb.exr"
+        if args.only not in scene.stem or not reference.exists():
+            continue
+        if "volpath" in integrator:
+            media.append(scene.stem)
+            continue
+        truth, variance = read(reference), read(str(reference).replace("_rgb.exr", "_rgb_var.exr"))
+        pixels = truth.shape[0] * truth.shape[1]
+        spp = max(int(args.samples / pixels / SEEDS) // 8 * 8, 8)
+        with tempfile.TemporaryDirectory() as folder:
+            pictures = [render(args.program, scene, spp, seed, integrator, folder) for seed in range(SEEDS)]
+        broken = [p for p in pictures if isinstance(p, str)]
+        if broken or pictures[0].shape != truth.shape:
+            why = broken[0] if broken else f"has size {pictures[0].shape}, not {truth.shape}"
+            print(f"| {scene.stem} | | | | | | NOT RENDERED: {why} |", flush=True)
+            failed += 1
+            continue
+        accepted, p, relative = judge(np.array(pictures), truth, variance, args.ref_spp, spp)
+        verdict = accepted >= 0.9975 and min(p.values()) > 1e-3
+        failed += not verdict
+        row = [scene.stem, spp * SEEDS, f"{100 * accepted:.3f} %", f"{p['mean']:.3g}", f"{p['blocks']:.3g}"]
+        row += [f"{100 * relative:+.3f} %", "pass" if verdict else "FAIL"]
+        rows.append(row)
+        print("| " + " | ".join(map(str, row)) + " |", flush=True)
+    print(f"{len(rows)} scenes, {failed} failed; with media, left out: {', '.join(media) or 'none'}")
+    if args.csv:
+        with open(args.csv, "w", newline="") as file:
+            csv.writer(file).writerows([["scene", "spp", "accepted", "p_mean", "p_blocks", "off", "verdict"]] + rows)
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
