@@ -68,7 +68,7 @@ impl Light {
             Light::Projector(p) => {
                 let all = Extent::everywhere(Bounds::point(p.position), 0.0, p.power());
                 let Some((axis, angle)) = p.cone() else { return one(all) };
-                one(Extent { axis, spread: (angle + SLACK).min(PI), falloff: 0.0, ..all })
+                one(Extent { axis, spread: SLACK, falloff: angle, ..all })
             }
             Light::Beam(beam) => {
                 let all = Extent::everywhere(geometry.prim_bounds(beam.prim), 0.0, beam.power());
