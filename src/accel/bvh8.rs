@@ -145,7 +145,7 @@ impl Bvh8 {
         return self;
     }
 
-    #[inline]
+    #[inline(always)]
     fn run<T: WideTask>(&self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {

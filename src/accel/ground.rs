@@ -81,8 +81,16 @@ impl Ground<'_> {
     }
 
     /// The same for what is no still triangle.
-    #[inline]
+    #[inline(always)]
     pub fn intersect_other(&self, prim: PrimId, probe: &RayProbe, limit: f32) -> Option<Hit> {
+        match self.geometry.shape_at(prim) {
+            Some((index, shape)) => self.geometry.intersect_shape(index, shape, probe, limit),
+            None => self.intersect_rest(prim, probe, limit),
+        }
+    }
+
+    #[cold]
+    fn intersect_rest(&self, prim: PrimId, probe: &RayProbe, limit: f32) -> Option<Hit> {
         if prim < self.geometry.first_instance() {
             self.geometry.intersect_analytic(prim, probe, limit)
         } else {
@@ -92,8 +100,16 @@ impl Ground<'_> {
 
     /// Whether a ray meets one primitive that is no still triangle with
     /// 0 < t < `limit`.
-    #[inline]
+    #[inline(always)]
     pub fn occluded_other(&self, prim: PrimId, probe: &RayProbe, limit: f32) -> bool {
+        match self.geometry.shape_at(prim) {
+            Some((index, shape)) => self.geometry.intersect_shape(index, shape, probe, limit).is_some(),
+            None => self.occluded_rest(prim, probe, limit),
+        }
+    }
+
+    #[cold]
+    fn occluded_rest(&self, prim: PrimId, probe: &RayProbe, limit: f32) -> bool {
         if prim < self.geometry.first_instance() {
             return self.geometry.intersect_analytic(prim, probe, limit).is_some();
         }

@@ -243,6 +243,7 @@ impl Pose {
 
     /// The ray from `origin` towards the point `target` at z = 1 further on,
     /// both in camera space, between the clip planes.
+    #[inline]
     fn clipped_ray(&self, origin: DVec3, target: DVec3, clip: Clip) -> Ray {
         let towards = self.vector(target);
         // Lengths along the ray for one unit of z.

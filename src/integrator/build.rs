@@ -39,7 +39,12 @@ impl Integrator {
                 if !NAMES.contains(&params.object().plugin.as_str())
                     && let Some(name) = &options.name
                 {
-                    Integrator::named(name, &Integrator::Path(DEFAULT_PATH))?
+                    let limits = Path {
+                        max_depth: max_depth(&params, -1)?,
+                        hide_emitters: params.bool("hide_emitters", false)?,
+                        ..DEFAULT_PATH
+                    };
+                    Integrator::named(name, &Integrator::Path(limits))?
                 } else {
                     let integrator = read(&params)?;
                     params.finish()?;

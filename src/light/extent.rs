@@ -130,8 +130,11 @@ impl AreaLight {
     }
 
     fn triangle_point(&self, geometry: &Geometry, prim: PrimId, u: f32, v: f32) -> SurfacePoint {
-        geometry
-            .triangle_surface(self.sampler.shape(), &Hit { t: 1.0, prim, u, v, instance: Hit::NO_INSTANCE })
+        geometry.triangle_surface(
+            self.sampler.shape(),
+            &Hit { t: 1.0, prim, u, v, instance: Hit::NO_INSTANCE },
+            0.0,
+        )
     }
 
     /// Mean radiance of a primitive, grey. Of a textured triangle half of that

@@ -16,7 +16,7 @@ pub use error::{
     solve_quadratic,
 };
 pub use frame::Frame;
-pub use motion::Motion;
+pub use motion::{Affine, Motion};
 pub use ray::Ray;
 pub use transform::{Decomposition, Transform};
 

@@ -21,6 +21,34 @@ struct MotionKey {
     rotation: DQuat,
     /// Scale and shear; symmetric up to rounding.
     stretch: DMat3,
+    /// Half the angle of the turn to the next key, and 1 over its sine.
+    half_turn: [f64; 2],
+}
+
+/// An affine transform and its inverse, without their last rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Affine {
+    /// The linear part.
+    pub matrix: DMat3,
+    /// What is added.
+    pub translation: DVec3,
+    /// The inverse of the linear part.
+    pub inverse: DMat3,
+    /// What the inverse adds.
+    pub back: DVec3,
+}
+
+impl Affine {
+    /// The affine part of a transform.
+    #[must_use]
+    pub fn of(t: &Transform) -> Affine {
+        Affine {
+            matrix: DMat3::from_mat4(t.matrix),
+            translation: t.matrix.w_axis.truncate(),
+            inverse: DMat3::from_mat4(t.inverse),
+            back: t.inverse.w_axis.truncate(),
+        }
+    }
 }
 
 impl Motion {
@@ -38,6 +66,8 @@ impl Motion {
             if keys[i - 1].rotation.dot(keys[i].rotation) < 0.0 {
                 keys[i].rotation = -keys[i].rotation;
             }
+            let angle = 0.5 * keys[i - 1].rotation.angle_between(keys[i].rotation);
+            keys[i - 1].half_turn = [angle, 1.0 / angle.sin()];
         }
         Some(Motion { keys })
     }
@@ -70,7 +100,29 @@ impl Motion {
         if a.time == time || a.transform == b.transform {
             return a.transform;
         }
-        MotionKey::between(a, b, (time - a.time) / (b.time - a.time))
+        let (linear, translation) = MotionKey::between(a, b, (time - a.time) / (b.time - a.time));
+        let mut matrix = DMat4::from_mat3(linear);
+        matrix.w_axis = translation.extend(1.0);
+        // A stretch that passes through zero has no inverse.
+        Transform::from_matrix(matrix).unwrap_or(a.transform)
+    }
+
+    /// The same, quicker: for every ray.
+    #[must_use]
+    pub fn affine_at(&self, time: f64) -> Affine {
+        let next = self.keys.partition_point(|k| k.time <= time);
+        let (Some(b), Some(a)) = (self.keys.get(next), next.checked_sub(1).map(|i| &self.keys[i])) else {
+            return Affine::of(&self.keys[next.max(1) - 1].transform);
+        };
+        if a.time == time {
+            return Affine::of(&a.transform);
+        }
+        let (matrix, translation) = MotionKey::between(a, b, (time - a.time) / (b.time - a.time));
+        let inverse = matrix.inverse();
+        if !inverse.is_finite() {
+            return Affine::of(&a.transform);
+        }
+        Affine { matrix, translation, inverse, back: -(inverse * translation) }
     }
 
     /// The motion with every key changed by `f`.
@@ -149,18 +201,33 @@ impl MotionKey {
             translation: transform.matrix.w_axis.truncate(),
             rotation,
             stretch,
+            half_turn: [0.0; 2],
         }
     }
 
-    /// Between two keys, `s` in (0, 1).
-    fn between(a: &MotionKey, b: &MotionKey, s: f64) -> Transform {
-        let rotation = DMat3::from_quat(a.rotation.slerp(b.rotation, s));
-        let linear = rotation * (a.stretch * (1.0 - s) + b.stretch * s);
-        let mut matrix = DMat4::from_mat3(linear);
-        matrix.w_axis = a.translation.lerp(b.translation, s).extend(1.0);
-        // A stretch that passes through zero has no inverse: the nearer key instead.
-        Transform::from_matrix(matrix).unwrap_or(if s < 0.5 { a.transform } else { b.transform })
+    /// Linear part and translation between two keys, `s` in (0, 1).
+    fn between(a: &MotionKey, b: &MotionKey, s: f64) -> (DMat3, DVec3) {
+        let [angle, over_sine] = a.half_turn;
+        // Below this the arc is its chord to the last bit. The turn is at most a half.
+        let weights = if angle > 1e-8 {
+            [sine((1.0 - s) * angle) * over_sine, sine(s * angle) * over_sine]
+        } else {
+            [1.0 - s, s]
+        };
+        let rotation = a.rotation * weights[0] + b.rotation * weights[1];
+        let linear = DMat3::from_quat(rotation) * (a.stretch * (1.0 - s) + b.stretch * s);
+        (linear, a.translation.lerp(b.translation, s))
     }
+}
+
+/// The sine of 0 ≤ x ≤ π/2 by Taylor's series, to 1e-11: what a ray asks for.
+fn sine(x: f64) -> f64 {
+    let y = x * x;
+    let mut sum = 0.0;
+    for k in [15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0] {
+        sum = (1.0 + sum) * -y / (k * (k - 1.0));
+    }
+    x * (1.0 + sum)
 }
 
 /// Rotation and stretch of a matrix: M = R·S with S symmetric and R a proper

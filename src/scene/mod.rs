@@ -166,6 +166,7 @@ impl Scene {
 
     /// Radiance that the surface point emits towards `wo`; zero if it is no light.
     #[must_use]
+    #[inline]
     pub fn emitted(&self, surface: &SurfacePoint, wo: Vec3) -> Rgb {
         let Some(index) = self.light_of_shape(surface.shape) else { return Rgb::ZERO };
         match self.lights.get(index as usize) {

@@ -68,21 +68,19 @@ impl Geometry {
         }
     }
 
-    pub(crate) fn intersect_moving(
-        &self,
-        index: usize,
-        prim: PrimId,
-        probe: &RayProbe,
-        t_max: f32,
-    ) -> Option<Hit> {
+    /// Where a ray meets a deforming triangle; `None` for other primitives.
+    #[cold]
+    pub(crate) fn intersect_moving(&self, prim: PrimId, probe: &RayProbe, t_max: f32) -> Option<Hit> {
+        let index = self.moving_index(prim)?;
         let vertices = self.moving_triangle(index, probe.time);
         Geometry::intersect_triangle(prim, &vertices, probe, t_max)
     }
 
+    #[cold]
     pub(crate) fn moving_surface(&self, index: usize, hit: &Hit, time: f32) -> SurfacePoint {
         let vertices = self.moving_triangle(index, time);
         let shape = self.moving_shapes[index];
-        self.face_surface(shape, hit, vertices, self.moving[index], self.between(shape, time))
+        self.face_surface(shape, hit, (vertices, self.moving[index]), time, self.between(shape, time))
     }
 
     /// The box of a deforming triangle between two times of the shutter: its

@@ -190,6 +190,13 @@ impl Geometry {
         self.analytic.get((prim as usize).checked_sub(self.triangles.len())?)
     }
 
+    /// Index and shape of an analytic primitive; `None` for others.
+    #[inline(always)]
+    pub(crate) fn shape_at(&self, prim: PrimId) -> Option<(usize, &Analytic)> {
+        let index = (prim as usize).wrapping_sub(self.triangles.len());
+        Some((index, self.analytic.get(index)?))
+    }
+
     /// The box of a primitive at all times of the shutter, widened by the
     /// rounding of its intersection test: every hit lies in it.
     #[must_use]
@@ -283,14 +290,27 @@ impl Geometry {
     /// The same for a primitive that is neither a still triangle nor an
     /// instance; `None` for those.
     #[must_use]
+    #[inline(always)]
     pub fn intersect_analytic(&self, prim: PrimId, probe: &RayProbe, t_max: f32) -> Option<Hit> {
+        let index = (prim as usize).checked_sub(self.triangles.len())?;
+        match self.analytic.get(index) {
+            Some(analytic) => self.intersect_shape(index, analytic, probe, t_max),
+            None => self.intersect_moving(prim, probe, t_max),
+        }
+    }
+
+    /// The same for an analytic primitive of that index.
+    pub(crate) fn intersect_shape(
+        &self,
+        index: usize,
+        analytic: &Analytic,
+        probe: &RayProbe,
+        t_max: f32,
+    ) -> Option<Hit> {
+        let prim = (self.triangles.len() + index) as PrimId;
         if probe.skips(prim) {
             return None;
         }
-        let index = (prim as usize).checked_sub(self.triangles.len())?;
-        let Some(analytic) = self.analytic.get(index) else {
-            return self.intersect_moving(self.moving_index(prim)?, prim, probe, t_max);
-        };
         let hit = analytic.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
         let t = probe.confine(hit.t, &self.analytic_bounds[index], t_max)?;
         Some(Hit { t, prim, u: hit.u, v: hit.v, instance: Hit::NO_INSTANCE })
@@ -302,33 +322,38 @@ impl Geometry {
         if hit.instance != Hit::NO_INSTANCE {
             return self.surface_inside(ray, hit);
         }
-        let shape = self.shape_of(hit.prim);
-        let mut surface = match self.analytic(hit.prim) {
-            None => match self.moving_index(hit.prim) {
-                None => self.triangle_surface(shape, hit),
-                Some(index) => self.moving_surface(index, hit, ray.time),
-            },
-            Some(analytic) => {
-                let s = analytic.surface(ray.origin.as_dvec3(), ray.dir.as_dvec3(), hit);
-                SurfacePoint {
-                    p: s.p.as_vec3(),
-                    p_error: s.p_error,
-                    ng: s.ng.as_vec3(),
-                    ns: s.ns.as_vec3(),
-                    uv: s.uv,
-                    barycentric: Vec2::ZERO,
-                    dpdu: s.dpdu.as_vec3(),
-                    dpdv: s.dpdv.as_vec3(),
-                    prim: hit.prim,
-                    shape,
-                    instance: Hit::NO_INSTANCE,
-                    time: 0.0,
-                    planar: analytic.is_planar(),
-                }
-            }
+        let Some(index) = (hit.prim as usize).checked_sub(self.triangles.len()) else {
+            return self.triangle_surface(self.triangle_shapes[hit.prim as usize], hit, ray.time);
         };
-        surface.time = ray.time;
-        surface
+        let Some(analytic) = self.analytic.get(index) else {
+            return self.moving_surface(index - self.analytic.len(), hit, ray.time);
+        };
+        let s = analytic.surface(ray.origin.as_dvec3(), ray.dir.as_dvec3(), hit);
+        SurfacePoint {
+            p: s.p.as_vec3(),
+            p_error: s.p_error,
+            ng: s.ng.as_vec3(),
+            ns: s.ns.as_vec3(),
+            uv: s.uv,
+            barycentric: Vec2::ZERO,
+            dpdu: s.dpdu.as_vec3(),
+            dpdv: s.dpdv.as_vec3(),
+            prim: hit.prim,
+            shape: self.analytic_shapes[index],
+            instance: Hit::NO_INSTANCE,
+            time: ray.time,
+            planar: analytic.is_planar(),
+        }
+    }
+
+    /// The surface at a hit in an instance.
+    #[cold]
+    fn surface_inside(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
+        let inside = Hit { instance: Hit::NO_INSTANCE, ..*hit };
+        let Some(instance) = self.instance(hit.instance) else { return self.surface(ray, &inside) };
+        let placed = instance.at(ray.time);
+        let local = placed.local_ray(ray.origin, ray.dir, ray.time);
+        placed.to_world(&self.surface(&local, &inside), hit.instance)
     }
 
     /// Where a surface point is at another time of the shutter.
@@ -346,20 +371,11 @@ impl Geometry {
         instance.map_or(local, |instance| instance.at(time).point_to_world(local))
     }
 
-    /// The surface at a hit in an instance.
-    fn surface_inside(&self, ray: &Ray, hit: &Hit) -> SurfacePoint {
-        let inside = Hit { instance: Hit::NO_INSTANCE, ..*hit };
-        let Some(instance) = self.instance(hit.instance) else { return self.surface(ray, &inside) };
-        let placed = instance.at(ray.time);
-        let local = placed.local_ray(ray.origin, ray.dir, ray.time);
-        placed.to_world(&self.surface(&local, &inside), hit.instance)
-    }
-
     /// The point of a triangle at the barycentrics of a hit.
-    pub(crate) fn triangle_surface(&self, shape: ShapeId, hit: &Hit) -> SurfacePoint {
+    pub(crate) fn triangle_surface(&self, shape: ShapeId, hit: &Hit, time: f32) -> SurfacePoint {
         let indices = self.triangles[hit.prim as usize];
         let vertices = indices.map(|i| self.positions[i as usize]);
-        self.face_surface(shape, hit, vertices, indices, None)
+        self.face_surface(shape, hit, (vertices, indices), time, None)
     }
 
     /// The same for given vertices, at a time that `between` says.
@@ -368,8 +384,8 @@ impl Geometry {
         &self,
         shape: ShapeId,
         hit: &Hit,
-        vertices: [Vec3; 3],
-        indices: [u32; 3],
+        (vertices, indices): ([Vec3; 3], [u32; 3]),
+        time: f32,
         between: Option<Between>,
     ) -> SurfacePoint {
         let info = &self.shapes[shape as usize];
@@ -407,7 +423,7 @@ impl Geometry {
             prim: hit.prim,
             shape,
             instance: Hit::NO_INSTANCE,
-            time: 0.0,
+            time,
             planar: true,
         }
     }

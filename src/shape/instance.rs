@@ -6,7 +6,7 @@
 //! points that come back ([`Instance::to_world`]).
 
 use super::{PrimId, SurfacePoint, triangle};
-use crate::math::{Bounds, DMat3, DVec3, Motion, Ray, Transform, Vec3, gamma};
+use crate::math::{Affine, Bounds, DMat3, DVec3, Motion, Ray, Transform, Vec3, gamma};
 
 /// A placed group.
 #[derive(Clone, Debug)]
@@ -24,27 +24,6 @@ enum Placement {
     Moving(Box<Motion>),
 }
 
-/// A transform without its last row.
-#[derive(Clone, Copy, Debug)]
-struct Affine {
-    matrix: DMat3,
-    translation: DVec3,
-    inverse: DMat3,
-    /// What the inverse adds.
-    back: DVec3,
-}
-
-impl Affine {
-    fn new(t: &Transform) -> Affine {
-        Affine {
-            matrix: DMat3::from_mat4(t.matrix),
-            translation: t.matrix.w_axis.truncate(),
-            inverse: DMat3::from_mat4(t.inverse),
-            back: t.inverse.w_axis.truncate(),
-        }
-    }
-}
-
 /// A group as it is placed at one time.
 #[derive(Clone, Copy, Debug)]
 pub struct Placed(Affine);
@@ -56,7 +35,7 @@ impl Instance {
     /// A group with this box, placed by a motion over the shutter, [0, 1].
     pub(crate) fn new(part: u32, local: &Bounds, motion: &Motion) -> Instance {
         let placement = match motion.as_still() {
-            Some(transform) => Placement::Still(Affine::new(&transform)),
+            Some(transform) => Placement::Still(Affine::of(&transform)),
             None => Placement::Moving(Box::new(motion.clone())),
         };
         let bounds = if local.is_empty() { Bounds::EMPTY } else { swept(local, motion) };
@@ -69,7 +48,7 @@ impl Instance {
     pub fn at(&self, time: f32) -> Placed {
         match &self.placement {
             Placement::Still(affine) => Placed(*affine),
-            Placement::Moving(motion) => Placed(Affine::new(&motion.at(f64::from(time)))),
+            Placement::Moving(motion) => Placed(motion.affine_at(f64::from(time))),
         }
     }
 

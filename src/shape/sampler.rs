@@ -168,7 +168,7 @@ impl ShapeSampler {
         from: Vec3,
         pdf: impl Fn(&SurfacePoint, DVec3, f64) -> f64,
     ) -> Option<ShapeSample> {
-        let point = geometry.triangle_surface(self.shape, hit);
+        let point = geometry.triangle_surface(self.shape, hit, 0.0);
         let offset = point.p.as_dvec3() - from.as_dvec3();
         let wi = offset.try_normalize()?;
         finish(&point, wi, pdf(&point, wi, offset.length_squared()))
