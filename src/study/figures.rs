@@ -11,10 +11,11 @@
 //!
 //! Without a reference the other runs take its place: the error of run i of n
 //! is x_i − x̄, and Σ(x_i − x̄)²/(n − 1) is the variance of a run, without bias.
-//! The n values share x̄: their mean scatters as that of independent values with
-//! (n − 1)/(n − 2) times their variance would. So they are spread about their
-//! mean by the root of that, and the intervals hold (tested); two runs give the
-//! same value twice, and nothing is said of them.
+//! The n values share x̄, so they scatter less than their mean's error asks for,
+//! the more so the heavier the tails of the errors are. They are spread about
+//! their mean by what makes up for it at the kurtosis of the errors at hand
+//! ([`spread`]), and the intervals hold (tested); two runs give the same value
+//! twice, and nothing is said of them.
 
 use super::ledger::Measured;
 use super::metrics::{pixel_metrics, relative_square};
@@ -159,14 +160,75 @@ pub fn spread(images: &[Image], name: &str, regions: &[RegionMask]) -> Vec<Vec<M
                 .collect()
         })
         .collect();
-    let widen = ((n - 1) as f64 / (n - 2) as f64).sqrt();
-    for k in 0..all[0].len() {
+    // Three figures of each mask; the trimmed one goes by the untrimmed.
+    let widen: Vec<f64> = masks
+        .iter()
+        .flat_map(|(_, inside)| {
+            let [plain, relative] = kurtosis(images, &mean, *inside).map(|k| widening(n as f64, k));
+            [plain, relative, relative]
+        })
+        .collect();
+    for (k, widen) in widen.into_iter().enumerate() {
         let center = all.iter().filter_map(|run| run[k].2).sum::<f64>() / n as f64;
         for value in all.iter_mut().filter_map(|run| run[k].2.as_mut()) {
             *value = center + widen * (*value - center);
         }
     }
     all
+}
+
+/// E[e²] and E[(Σe/n)²] of the squared deviations e of n independent values
+/// from their mean, in squared variances, as (constant, factor of the kurtosis).
+fn deviation_moments(n: f64) -> [(f64, f64); 2] {
+    let own = (n - 1.0) / n;
+    let fourth = own.powi(4) + (n - 1.0) / n.powi(4);
+    // Of the variance: Var(s²) = (κ − (n − 3)/(n − 1))/n.
+    let square = own * own;
+    [(3.0 * (own * own - fourth), fourth), (square * (1.0 - (n - 3.0) / (n * (n - 1.0))), square / n)]
+}
+
+/// By how much n figures that share the mean of their pictures must be spread
+/// for their scatter to say how well their mean is known: the root of Var(s²)
+/// over a n-th of what they scatter. From √((n − 1)/(n − 2)) of normal errors
+/// to (n − 1)/(n − 2) where rare large ones rule, as the jackknife has it.
+fn widening(n: f64, kurtosis: f64) -> f64 {
+    let [square, mean] = deviation_moments(n).map(|(constant, factor)| constant + factor * kurtosis);
+    let variance = (kurtosis - (n - 3.0) / (n - 1.0)) / n;
+    // E[e e′] from E[(Σe)²] = n E[e²] + n (n − 1) E[e e′].
+    let product = (n * mean - square) / (n - 1.0);
+    let scatter = square - product;
+    (variance * n * ((n - 1.0) / n).powi(2) / scatter).sqrt()
+}
+
+/// Kurtosis of the errors of single values, pooled over a picture with the
+/// weight that each has in the scatter of MSE and of relMSE; at least that of
+/// two values ± σ.
+fn kurtosis(images: &[Image], mean: &Image, inside: Option<&[bool]>) -> [f64; 2] {
+    let n = images.len() as f64;
+    let whole = whole_mean(mean);
+    // Sums of mean e² and of (mean e)², plain and relative.
+    let mut sums = [[0.0_f64; 2]; 2];
+    for (i, b) in mean.rgb.iter().enumerate() {
+        let squares = images.iter().map(|image| f64::from(image.rgb[i] - b).powi(2));
+        let (first, second) = squares.fold((0.0, 0.0), |(f, s), e| (f + e / n, s + e * e / n));
+        if !inside.is_none_or(|inside| inside[i / 3]) || !first.is_finite() {
+            continue;
+        }
+        let relative = relative_square(1.0, f64::from(*b), whole).powi(2);
+        for (sum, weight) in sums.iter_mut().zip([1.0, relative]) {
+            sum[0] += weight * second;
+            sum[1] += weight * first * first;
+        }
+    }
+    let [(a, b), (c, d)] = deviation_moments(n);
+    sums.map(|[square, mean]| {
+        // square / mean = (a + b κ)/(c + d κ).
+        let ratio = square / mean;
+        let kurtosis = (ratio * c - a) / (b - ratio * d);
+        let most = b <= ratio * d;
+        if most { f64::MAX.sqrt() } else { kurtosis.max(1.0) }
+    })
+    .map(|k| if k.is_finite() { k } else { 3.0 })
 }
 
 /// The mean of pictures of one size, in f64 sums.
