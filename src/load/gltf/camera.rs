@@ -139,7 +139,7 @@ fn clip(near: f64, far: Option<f64>, at: &str) -> Result<Vec<(&'static str, Valu
         let message = format!("`znear` and `zfar` must be 0 ≤ znear < zfar, found {near} and {far}");
         return Err(fail(at, message));
     }
-    Ok(vec![("near_clip", Value::Float(near.max(far * 1e-12).max(1e-12))), ("far_clip", Value::Float(far))])
+    Ok(vec![("near_clip", Value::Float(near.max(1e-9))), ("far_clip", Value::Float(far))])
 }
 
 /// A camera that sees the whole box from the front, a little from the right

@@ -311,7 +311,7 @@ mod tests {
         );
         assert_eq!(
             fails("{\"asset\":{\"version\":\"2.0\"},\"accessors\":[{\"count\":1,\"type\":\"VEC3\"}]}"),
-            "accessors[0]: missing field `componentType` at line 1 column 63"
+            "accessors[0]: missing field `componentType` at line 1 column 65"
         );
         assert!(fails("{}").starts_with("missing field `asset`"));
         assert!(fails("{\"asset\":{\"version\":\"2.0\"}} x").starts_with("after the JSON object: "));

@@ -328,3 +328,54 @@ fn quaternion(e: &mut [u8]) {
         put(e, (largest + i) % 4, (c * 32767.0).round() as i16);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(value: &serde_json::Value) -> Vec<u8> {
+        let text = value.as_str().unwrap();
+        (0..text.len() / 2).map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).unwrap()).collect()
+    }
+
+    /// The numbers of filtered data, which may be off in the last place.
+    fn numbers(bytes: &[u8], stride: usize, filter: &str) -> Vec<i64> {
+        match (filter, stride) {
+            ("OCTAHEDRAL" | "QUATERNION", 8) => {
+                bytes.chunks_exact(2).map(|b| i16::from_le_bytes([b[0], b[1]]).into()).collect()
+            }
+            ("OCTAHEDRAL", _) => bytes.iter().map(|b| i64::from(*b as i8)).collect(),
+            _ => bytes.iter().map(|b| i64::from(*b)).collect(),
+        }
+    }
+
+    /// Streams that meshoptimizer made, and every beginning of them.
+    #[test]
+    fn streams_of_meshoptimizer() {
+        let file: serde_json::Value =
+            serde_json::from_str(include_str!("../../../tests/data/meshopt.json")).unwrap();
+        let cases = file["cases"].as_array().unwrap();
+        assert_eq!(cases.len(), 13);
+        for case in cases {
+            let (packed, expected) = (bytes(&case["packed"]), bytes(&case["expected"]));
+            let request: Meshopt = Meshopt {
+                byte_stride: case["stride"].as_u64().unwrap(),
+                count: case["count"].as_u64().unwrap(),
+                mode: case["mode"].as_str().unwrap().into(),
+                filter: case["filter"].as_str().map(str::to_owned),
+                ..Meshopt::default()
+            };
+            let (name, filter) = (&case["name"], case["filter"].as_str().unwrap());
+            let found = decode(&request, &packed).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(found.len(), expected.len(), "{name}");
+            let of = |bytes: &[u8]| numbers(bytes, request.byte_stride as usize, filter);
+            let most = of(&found).iter().zip(of(&expected)).map(|(a, b)| (a - b).abs()).max().unwrap();
+            assert!(most <= case["tolerance"].as_i64().unwrap(), "{name}: off by {most}");
+            for length in 0..packed.len() {
+                // Short data may decode to something else, but not crash.
+                let _ = decode(&request, &packed[..length]);
+            }
+            assert!(decode(&request, &packed[..packed.len() / 4]).is_err(), "{name}");
+        }
+    }
+}

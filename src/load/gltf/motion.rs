@@ -16,8 +16,8 @@ use super::{choose, fail};
 use crate::desc::Result;
 use crate::math::{DMat4, DQuat};
 
-/// Most keys of one moving thing.
-const MAX_KEYS: usize = 64;
+/// Most keys of one moving thing: 64 stretches.
+const MAX_KEYS: usize = 65;
 /// How far off the middle of a stretch may be, as a share of the thing's size.
 pub const TOLERANCE: f64 = 1e-4;
 /// Bytes of poses that are kept.
