@@ -126,8 +126,8 @@ impl Gltf {
     /// The file as binary glTF.
     pub fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
-        if !self.bin.is_empty() {
-            json["buffers"] = json!([{"byteLength": self.bin.len()}]);
+        if let Some(root) = json.as_object_mut().filter(|_| !self.bin.is_empty()) {
+            root.insert("buffers".into(), json!([{"byteLength": self.bin.len()}]));
         }
         let mut text = serde_json::to_vec(&json).unwrap();
         text.resize(text.len().next_multiple_of(4), b' ');
