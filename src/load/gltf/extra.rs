@@ -60,13 +60,12 @@ pub fn extensions(bsdf: &mut Bsdf, ext: &MaterialExtensions) {
     }
 }
 
-/// An index of 0 means by the extension that everything is reflected, which an
-/// index of ten thousand does (0.9996 at normal incidence).
+/// An index of 0 means that everything is reflected, to the bsdf as to the
+/// extension.
 fn index(bsdf: &mut Bsdf, ior: f64) {
     let place = bsdf.place.clone();
     let value = match ior {
-        0.0 => 1e4,
-        ior if ior >= 1.0 => ior,
+        ior if ior == 0.0 || ior >= 1.0 => ior,
         ior => {
             bsdf.objects.warn(&place, &format!("an index of refraction of {ior} is taken for 1"));
             1.0

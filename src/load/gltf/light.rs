@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::super::{LoadOptions, files, image_file};
+use super::json::Spot;
 use super::motion::Stage;
 use super::objects::Objects;
 use super::source::Source;
@@ -54,25 +55,15 @@ pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -
         }
         "directional" => {
             let direction = Value::Vector(rigid.z_axis.truncate());
-            objects.add(
-                Category::Emitter,
-                "directional",
-                pos,
-                vec![("irradiance", power), ("direction", direction)],
-            )
+            let params = vec![("irradiance", power), ("direction", direction)];
+            objects.add(Category::Emitter, "directional", pos, params)
         }
         "spot" => {
-            let outer = light.spot.outer_cone_angle.unwrap_or(std::f64::consts::FRAC_PI_4);
-            let inner = light.spot.inner_cone_angle.unwrap_or(0.0);
-            if !(inner >= 0.0 && inner < outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6) {
-                let message =
-                    format!("cone angles must be 0 ≤ inner < outer ≤ π/2, found {inner} and {outer}");
-                return Err(fail(&format!("{at}.spot"), message));
-            }
+            let [outer, inner] = cone(&light.spot, &at)?;
             let params = vec![
                 ("intensity", power),
-                ("cutoff_angle", Value::Float(outer.to_degrees())),
-                ("beam_width", Value::Float(inner.to_degrees())),
+                ("cutoff_angle", Value::Float(outer)),
+                ("beam_width", Value::Float(inner)),
                 ("to_world", Value::Transform(to_world)),
             ];
             objects.add(Category::Emitter, "spot", pos, params)
@@ -87,6 +78,17 @@ pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -
     }
     objects.show(emitter);
     Ok(())
+}
+
+/// Outer and inner angle of a spot's cone, in degrees.
+fn cone(spot: &Spot, at: &str) -> Result<[f64; 2]> {
+    let outer = spot.outer_cone_angle.unwrap_or(std::f64::consts::FRAC_PI_4);
+    let inner = spot.inner_cone_angle.unwrap_or(0.0);
+    if !(inner >= 0.0 && inner < outer && outer <= std::f64::consts::FRAC_PI_2 + 1e-6) {
+        let message = format!("cone angles must be 0 ≤ inner < outer ≤ π/2, found {inner} and {outer}");
+        return Err(fail(&format!("{at}.spot"), message));
+    }
+    Ok([outer.to_degrees(), inner.to_degrees()])
 }
 
 /// Lights that the options ask for, and a white surrounding where there would
