@@ -693,8 +693,12 @@ fn a_shutter_gives_keys() {
         file.load_with(&LoadOptions { frame: Some(0.0), shutter: Some(shutter), ..LoadOptions::default() })
             .unwrap()
     };
-    // Straight motion needs no more than its ends and the key frame between.
+    // The camera that is made up knows the shutter too.
     let line = animated("translation", "LINEAR", &[0., 0., 0., 1., 0., 0., 1., 4., 0.], "VEC3");
+    let scene = blurred(&line, [12.0, 48.0]);
+    let sensor = only(&scene, Category::Sensor, "perspective");
+    assert_eq!((float(sensor, "shutter_open"), float(sensor, "shutter_close")), (0.5, 2.0));
+    // Straight motion needs no more than its ends and the key frame between.
     let scene = blurred(&line, [0.0, 48.0]);
     assert_eq!(motion(only(&scene, Category::Shape, "mesh")).times().collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
     assert_eq!(motion(only(&blurred(&line, [0.0, 12.0]), Category::Shape, "mesh")).times().count(), 2);

@@ -35,7 +35,7 @@ pub fn add(
         if let Some(wanted) = &options.camera {
             return Err(Error::new(format!("the scene shows no camera, so not `{wanted}`")));
         }
-        framing(objects, low, high);
+        framing(objects, stage, low, high);
         return Ok(());
     };
     let at = format!("cameras[{index}]");
@@ -61,12 +61,7 @@ pub fn add(
     let placed =
         placed.ok_or_else(|| fail(&format!("nodes[{node}]"), "the camera's transform is not finite"))?;
     params.push(("to_world", placed.value()));
-    if let (Some(open), true) =
-        (stage.shutter.open, stage.shutter.open.is_some_and(|o| o < stage.shutter.close))
-    {
-        params.push(("shutter_open", Value::Float(open)));
-        params.push(("shutter_close", Value::Float(stage.shutter.close)));
-    }
+    params.extend(shutter(stage));
     let pos = objects.pos(&at);
     sensor(objects, plugin, pos, params, aspect(camera));
     Ok(())
@@ -98,6 +93,12 @@ fn chosen(source: &Source, visible: &[usize], options: &LoadOptions) -> Result<O
         Some(found) => Ok(Some(*found)),
         None => Err(fail(&format!("cameras[{index}]"), "is not in the scene that is shown")),
     }
+}
+
+/// When the shutter opens and closes, if it does not do so at once.
+fn shutter(stage: &Stage) -> Vec<(&'static str, Value)> {
+    let Some(open) = stage.shutter.open.filter(|open| *open < stage.shutter.close) else { return Vec::new() };
+    vec![("shutter_open", Value::Float(open)), ("shutter_close", Value::Float(stage.shutter.close))]
 }
 
 /// Width over height.
@@ -144,7 +145,7 @@ fn clip(near: f64, far: Option<f64>, at: &str) -> Result<Vec<(&'static str, Valu
 
 /// A camera that sees the whole box from the front, a little from the right
 /// and from above.
-fn framing(objects: &mut Objects, low: DVec3, high: DVec3) {
+fn framing(objects: &mut Objects, stage: &Stage, low: DVec3, high: DVec3) {
     let (centre, size) = ((low + high) * 0.5, (high - low).length().max(1e-6));
     let back = FROM.normalize();
     let right = DVec3::Y.cross(back).normalize();
@@ -161,13 +162,14 @@ fn framing(objects: &mut Objects, low: DVec3, high: DVec3) {
     let eye = centre + back * distance;
     let m = DMat4::from_cols(right.extend(0.0), up.extend(0.0), back.extend(0.0), eye.extend(1.0));
     let to_world = Transform::from_matrix(turned(m)).unwrap_or_default();
-    let params = vec![
+    let mut params = vec![
         ("fov", Value::Float(FOV)),
         ("fov_axis", Value::String("y".into())),
         ("near_clip", Value::Float(size * 1e-4)),
         ("far_clip", Value::Float(FAR)),
         ("to_world", Value::Transform(to_world)),
     ];
+    params.extend(shutter(stage));
     let show = |v: DVec3| format!("({:.3}, {:.3}, {:.3})", v.x, v.y, v.z);
     let warning =
         format!("{} shows no camera: one at {} looks at {}", objects.desc.files[0], show(eye), show(centre));
