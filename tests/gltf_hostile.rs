@@ -2,6 +2,7 @@
 //! whatever the bytes, and no more memory than the file stands for.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
+#![allow(clippy::print_stdout, reason = "says what it skipped and compared")]
 
 #[path = "common/gltf_file.rs"]
 mod gltf_file;
