@@ -31,7 +31,7 @@ impl Source {
         match self {
             Source::Displaced(triangles) => displaced(*triangles),
             Source::Stadium(path) => stadium(&read_mesh(path)?),
-            Source::File(path) if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("xml")) => {
+            Source::File(path) if is_scene(path) => {
                 let options = LoadOptions { defines: args.defines.clone(), ..Default::default() };
                 let desc = load(path, &options)?;
                 Ok(Subject::Scene(Box::new(Scene::build(&desc, &BuildOptions::default())?)))
@@ -39,6 +39,12 @@ impl Source {
             Source::File(path) => Subject::mesh(&read_mesh(path)?),
         }
     }
+}
+
+/// True for a file that is no single mesh, by its ending.
+fn is_scene(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    ["xml", "gltf", "glb"].iter().any(|known| ending == *known)
 }
 
 /// A file's name; a `scene.xml` goes by that of its folder.

@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::desc::Error;
 use crate::film::LayerSet;
 use crate::integrator::IntegratorOptions;
+use crate::load::LoadOptions;
 use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
 use crate::study::Region;
@@ -39,8 +40,10 @@ pub enum Command {
 /// A scene and what goes over it.
 #[derive(Clone, Debug, Args)]
 pub struct SceneArgs {
-    /// Scene file (Mitsuba 3 XML).
+    /// Scene file: Mitsuba 3 XML, or glTF 2.0 (.gltf, .glb).
     pub scene: PathBuf,
+    #[command(flatten)]
+    pub stage: StageArgs,
     /// Give a scene parameter (`$name` in the file) another value.
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_define)]
     pub defines: Vec<(String, String)>,
@@ -74,6 +77,63 @@ impl SceneArgs {
     }
 }
 
+/// What of a scene is shown, when, and in which light.
+#[derive(Clone, Debug, Args)]
+pub struct StageArgs {
+    /// Camera instead of the first: the name of a glTF camera or its node, the id of a sensor, or an index
+    /// from 0.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub camera: Option<String>,
+    /// Frame to show, at the time N / fps. A glTF file is shown as stored unless this, --shutter or
+    /// --animation is given; in a Mitsuba file it moves the shutter by that time.
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub frame: Option<f64>,
+    /// Frames per second.
+    #[arg(long, value_name = "F", default_value_t = 24.0, value_parser = parse_positive)]
+    pub fps: f64,
+    /// When the shutter opens and closes, in frames after the frame: what moves in between is blurred.
+    /// 0,0.5 is like film. [default: 0,0 for glTF, the file's for Mitsuba]
+    #[arg(long, value_name = "OPEN,CLOSE", value_parser = parse_pair, allow_hyphen_values = true)]
+    pub shutter: Option<[f64; 2]>,
+    /// Animation of a glTF file: its name or index, all, or none. [default: all]
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub animation: Option<String>,
+    /// Material variant of a glTF file (KHR_materials_variants): its name or index.
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub variant: Option<String>,
+    /// Light a glTF file by an image of the surroundings in latitude and longitude.
+    #[arg(long = "env", value_name = "FILE")]
+    pub environment: Option<PathBuf>,
+    /// Light a glTF file by a sun: degrees above the horizon, and round from +z towards +x. A blue sky
+    /// comes with it unless --env is given.
+    #[arg(long, value_name = "UP,ROUND", num_args = 0..=1, default_missing_value = "45,30",
+        require_equals = true, value_parser = parse_pair)]
+    pub sun: Option<[f64; 2]>,
+    /// Read files that a glTF file names outside of its own folder.
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+impl SceneArgs {
+    /// How to load the scene.
+    pub fn load_options(&self) -> LoadOptions {
+        let stage = self.stage.clone();
+        LoadOptions {
+            defines: self.defines.clone(),
+            camera: stage.camera,
+            environment: stage.environment,
+            sun: stage.sun,
+            variant: stage.variant,
+            animation: stage.animation,
+            frame: stage.frame,
+            fps: stage.fps,
+            shutter: stage.shutter,
+            allow_outside: stage.allow_outside,
+            ..LoadOptions::default()
+        }
+    }
+}
+
 /// Arguments of `render`. It stops at the first of samples, time or error
 /// reached; Ctrl-C ends it after the current pass and writes what there is.
 #[derive(Clone, Debug, Args)]
@@ -83,6 +143,11 @@ pub struct RenderArgs {
     /// Output: OUT.exr, or OUT.png for the preview alone.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
+    /// Render a sequence, both ends included, to OUT.0001.exr and so on; a row of # in the name of the
+    /// output says where the number goes and how many digits it has.
+    #[arg(long, value_name = "A..B", value_parser = parse_frames, conflicts_with = "frame",
+        allow_hyphen_values = true)]
+    pub frames: Option<(i64, i64)>,
     /// Samples per pixel instead of the file's; with --time or --error and
     /// without --spp there is no limit.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -215,7 +280,7 @@ pub struct CompareArgs {
 /// where it was when the same command is given again.
 #[derive(Clone, Debug, Args)]
 pub struct StudyArgs {
-    /// A plan (PLAN.toml), or a scene (Mitsuba 3 XML) with the options below.
+    /// A plan (PLAN.toml), or a scene (Mitsuba 3 XML, glTF) with the options below.
     #[arg(value_name = "PLAN.toml|SCENE")]
     pub subject: PathBuf,
     /// Folder of the report; holds the runs too.
@@ -320,7 +385,7 @@ impl StudyArgs {
 /// function of the seed and the same for every accelerator.
 #[derive(Clone, Debug, Args)]
 pub struct AccelArgs {
-    /// Scenes (Mitsuba 3 XML) and meshes (ply, ply.gz, obj, serialized).
+    /// Scenes (Mitsuba 3 XML, glTF) and meshes (ply, ply.gz, obj, serialized).
     #[arg(value_name = "SCENE|MESH")]
     pub subjects: Vec<PathBuf>,
     /// Give a scene parameter (`$name` in the files) another value.
@@ -423,6 +488,22 @@ fn parse_pixel(text: &str) -> Result<(i32, i32), String> {
     let [x, y] = numbers::<2>(text, ',').ok_or("expected X,Y, for example 12,34")?;
     let to = |n| i32::try_from(n).map_err(|_| "too large".to_owned());
     Ok((to(x)?, to(y)?))
+}
+
+fn parse_pair(text: &str) -> Result<[f64; 2], String> {
+    let parts: Option<Vec<f64>> = text.split(',').map(|s| s.trim().parse().ok()).collect();
+    match parts.as_deref() {
+        Some(&[a, b]) if a.is_finite() && b.is_finite() => Ok([a, b]),
+        _ => Err("expected two numbers, for example 0,0.5".to_owned()),
+    }
+}
+
+fn parse_frames(text: &str) -> Result<(i64, i64), String> {
+    let range = text.split_once("..").and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    match range {
+        Some((from, to)) if from <= to => Ok((from, to)),
+        _ => Err("expected A..B, for example 1..24".to_owned()),
+    }
 }
 
 fn parse_growth(text: &str) -> Result<(u32, u32), String> {

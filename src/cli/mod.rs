@@ -68,8 +68,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// Loads the scene that the arguments name, and prints its warnings.
 fn load_scene(args: &SceneArgs) -> Result<SceneDesc> {
-    let options = crate::load::LoadOptions { defines: args.defines.clone(), ..Default::default() };
-    let desc = crate::load::load(&args.scene, &options)?;
+    let desc = crate::load::load(&args.scene, &args.load_options())?;
     for warning in &desc.warnings {
         eprintln!("warning: {warning}");
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::args::{Curve, RenderArgs};
 use super::load_scene;
-use super::progress::Progress;
+use super::progress::{Progress, interrupted};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
@@ -17,6 +17,61 @@ use crate::scene::Scene;
 
 /// Renders, and writes what was asked for.
 pub fn run(args: &RenderArgs) -> Result<ExitCode> {
+    let Some((from, to)) = args.frames else { return still(args) };
+    // Names are checked before hours of work.
+    Output::new(&of_frame(args, from))?;
+    let mut worst = ExitCode::SUCCESS;
+    for frame in from..=to {
+        if !args.quiet {
+            eprintln!("frame {frame} of {from}..{to}");
+        }
+        let code = still(&of_frame(args, frame))?;
+        if code != ExitCode::SUCCESS {
+            worst = code;
+        }
+        if interrupted() {
+            break;
+        }
+    }
+    Ok(worst)
+}
+
+/// The arguments that render one frame of a sequence.
+fn of_frame(args: &RenderArgs, frame: i64) -> RenderArgs {
+    let mut args = args.clone();
+    args.frames = None;
+    args.scene.stage.frame = Some(frame as f64);
+    args.output = numbered(&args.output, frame);
+    args.stats = args.stats.map(|path| numbered(&path, frame));
+    args.png = args.png.map(|png| png.map(|path| numbered(&path, frame)));
+    args
+}
+
+/// A file name with the number of a frame: in place of its last row of `#`, or
+/// before its ending with four digits.
+fn numbered(path: &Path, frame: i64) -> PathBuf {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let number = |digits: usize| {
+        let sign = if frame < 0 { "-" } else { "" };
+        format!("{sign}{:0digits$}", frame.unsigned_abs())
+    };
+    let named = match name.rfind('#') {
+        Some(last) => {
+            let first = name[..=last].rfind(|c| c != '#').map_or(0, |at| at + 1);
+            // What stands before may be a character of several bytes.
+            let first = (first..=last).find(|at| name.is_char_boundary(*at)).unwrap_or(last);
+            format!("{}{}{}", &name[..first], number(last + 1 - first), &name[last + 1..])
+        }
+        None => match name.rsplit_once('.') {
+            Some((stem, ending)) => format!("{stem}.{}.{ending}", number(4)),
+            None => format!("{name}.{}", number(4)),
+        },
+    };
+    path.with_file_name(named)
+}
+
+/// Renders one picture.
+fn still(args: &RenderArgs) -> Result<ExitCode> {
     let output = Output::new(args)?;
     let clock = Instant::now();
     let desc = load_scene(&args.scene)?;
@@ -207,14 +262,28 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
         other => format!(" --sampler {}", other.name()),
     };
     let replicas = args.replicas.map_or(String::new(), |r| format!(" --replicas {r}"));
+    let frame = args.scene.stage.frame.map_or(String::new(), |f| format!(" --frame {f}"));
     for (x, y, index) in &stats.bad.located {
         eprintln!(
-            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{}{}",
+            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{sampler}{replicas}{frame}",
             args.scene.scene.display(),
             args.seed,
-            sampler,
-            replicas
         );
     }
     if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_numbered() {
+        let name = |path: &str, frame| numbered(Path::new(path), frame).display().to_string();
+        assert_eq!(name("out/a.exr", 7), "out/a.0007.exr");
+        assert_eq!(name("a.b.exr", 12345), "a.b.12345.exr");
+        assert_eq!(name("a_##.exr", 7), "a_07.exr");
+        assert_eq!(name("é###x.exr", -7), "é-007x.exr");
+        assert_eq!(name("a", 1), "a.0001");
+    }
 }

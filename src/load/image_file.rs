@@ -1,5 +1,5 @@
 //! Images for textures and environment maps: OpenEXR, Radiance HDR, PNG, JPEG,
-//! TGA and BMP, known by their first bytes (TGA by its ending).
+//! WebP, TGA and BMP, known by their first bytes (TGA by its ending).
 //!
 //! Of an OpenEXR file this takes the channels R G B (A), or X Y Z, or Y (A), of
 //! the one layer that has them, or the only channel there is. Colours of other
@@ -10,7 +10,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use glam::DMat3;
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
 
 use super::exr_file::{self, ExrFile};
 use super::files;
@@ -39,28 +39,50 @@ pub fn is_exr(path: &Path) -> Result<bool> {
     Ok(start == exr_file::MAGIC)
 }
 
+/// What an image may be.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// Bytes that its pixels may take.
+    pub bytes: u64,
+    /// What no other format knows is TGA, which has no mark of its own.
+    pub tga: bool,
+}
+
 /// Decodes any format but OpenEXR.
 pub fn decode(path: &Path, max_bytes: u64) -> Result<(DynamicImage, ImageFormat)> {
-    let fail = |message: String| Error::new(format!("image `{}`: {message}", path.display()));
     let bytes = files::read_bytes(path, files::IMAGE_CAP)?;
-    let mut reader = ImageReader::new(Cursor::new(&bytes))
+    let tga = matches!(ImageFormat::from_path(path), Ok(ImageFormat::Tga));
+    decode_dynamic(&bytes, &path.display().to_string(), Limits { bytes: max_bytes, tga })
+}
+
+/// Decodes any format but OpenEXR from the bytes of its file.
+pub fn decode_bytes(bytes: &[u8], name: &str, limits: Limits) -> Result<Image> {
+    decode_dynamic(bytes, name, limits).map(|(image, _)| from_dynamic(image, name))
+}
+
+/// Width and height as the start of a file promises them.
+pub fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {
+    ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?.into_dimensions().ok()
+}
+
+fn decode_dynamic(bytes: &[u8], name: &str, limits: Limits) -> Result<(DynamicImage, ImageFormat)> {
+    let fail = |message: String| Error::new(format!("image `{name}`: {message}"));
+    let mut reader = ImageReader::new(Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| fail(format!("cannot read it: {e}")))?;
-    if reader.format().is_none()
-        && let Ok(format @ ImageFormat::Tga) = ImageFormat::from_path(path)
-    {
-        reader.set_format(format);
+    if reader.format().is_none() && limits.tga {
+        reader.set_format(ImageFormat::Tga);
     }
-    let known = "known: EXR, HDR, PNG, JPEG, TGA, BMP";
+    let known = "known: EXR, HDR, PNG, JPEG, WebP, TGA, BMP";
     let Some(format) = reader.format() else {
         return Err(fail("no image format that is known".into()).hint(known));
     };
-    let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(max_bytes);
-    reader.limits(limits);
+    let mut allowed = image::Limits::no_limits();
+    allowed.max_alloc = Some(limits.bytes);
+    reader.limits(allowed);
     let image = reader.decode().map_err(|e| match e {
         ImageError::Limits(_) => {
-            fail(format!("it takes more than the {max_bytes} bytes allowed by `max_image_bytes`"))
+            fail(format!("it takes more than the {} bytes allowed by `max_image_bytes`", limits.bytes))
         }
         ImageError::Unsupported(e) => fail(format!("cannot decode it: {e}")).hint(known),
         e => fail(format!("cannot decode it: {e}")),

@@ -1,6 +1,7 @@
-//! Files to [`SceneDesc`]: Mitsuba 3 scene files, meshes and images.
+//! Files to [`SceneDesc`]: Mitsuba 3 scene files, glTF 2.0, meshes and images.
 //!
-//! [`load`] reads a scene in four steps. (1) The XML of the file and of its
+//! [`load`] reads a glTF file by its ending (`gltf`, `glb`), and anything else
+//! as XML, in four steps. (1) The XML of the file and of its
 //! includes becomes objects and parameters, with `$name` replaced and files
 //! older than 2.0 spelled anew. (2) References become object ids; cycles and
 //! unknown ids are errors. (3) The files that shapes, textures and emitters
@@ -18,6 +19,7 @@
 mod assets;
 mod exr_file;
 mod files;
+mod gltf;
 mod image_file;
 mod obj;
 mod parse;
@@ -25,6 +27,7 @@ mod picture;
 mod ply;
 mod references;
 mod serialized;
+mod stage;
 mod substitute;
 mod transform;
 mod upgrade;
@@ -33,22 +36,79 @@ mod xml;
 
 pub use picture::{Picture, read_picture};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::desc::{Error, Image, Mesh, Result, SceneDesc};
 
 /// What can be set when a scene is loaded.
 #[derive(Clone, Debug)]
 pub struct LoadOptions {
-    /// Values for `$name` in scene files; they win over `<default>`.
+    /// Values for `$name` in scene files; they win over `<default>`. Not for glTF.
     pub defines: Vec<(String, String)>,
     /// Largest size of one decoded image in bytes.
     pub max_image_bytes: u64,
+    /// Largest size of all that a glTF file decodes to, but for images, in bytes.
+    pub max_mesh_bytes: u64,
+    /// Read files that a glTF file names outside of its folder.
+    pub allow_outside: bool,
+    /// The camera by name (of its node or its own; the id of a `<sensor>`) or
+    /// index, instead of the first.
+    pub camera: Option<String>,
+    /// An image of the surroundings, in latitude and longitude. glTF only.
+    pub environment: Option<PathBuf>,
+    /// Elevation and azimuth in degrees of a sun to add, with a sky. glTF only.
+    pub sun: Option<[f64; 2]>,
+    /// The material variant of this name or index. glTF only.
+    pub variant: Option<String>,
+    /// The animation of this name or index, `all` or `none`. glTF only.
+    pub animation: Option<String>,
+    /// The frame to show: time = frame / `fps`. Without, and without
+    /// `shutter` and `animation`, a glTF file is shown as stored.
+    pub frame: Option<f64>,
+    /// Frames per second.
+    pub fps: f64,
+    /// When the shutter opens and closes, in frames after `frame`.
+    pub shutter: Option<[f64; 2]>,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        LoadOptions { defines: Vec::new(), max_image_bytes: 4 << 30 }
+        LoadOptions {
+            defines: Vec::new(),
+            max_image_bytes: 4 << 30,
+            max_mesh_bytes: 16 << 30,
+            allow_outside: false,
+            camera: None,
+            environment: None,
+            sun: None,
+            variant: None,
+            animation: None,
+            frame: None,
+            fps: 24.0,
+            shutter: None,
+        }
+    }
+}
+
+impl LoadOptions {
+    /// True if a time is asked for.
+    fn asks_for_time(&self) -> bool {
+        self.frame.is_some() || self.shutter.is_some()
+    }
+
+    /// Fails on a number that is no time.
+    fn check(&self) -> Result<()> {
+        let times = self.frame.iter().chain(self.shutter.iter().flatten());
+        if !(self.fps > 0.0 && self.fps.is_finite()) {
+            return Err(Error::new(format!("frames per second must be positive, found {}", self.fps)));
+        }
+        match (times.copied().find(|t| !t.is_finite()), self.shutter) {
+            (Some(bad), _) => Err(Error::new(format!("{bad} is no frame"))),
+            (None, Some([open, close])) if open > close => {
+                Err(Error::new(format!("the shutter must open ({open}) before it closes ({close})")))
+            }
+            _ => Ok(()),
+        }
     }
 }
 
@@ -56,14 +116,38 @@ impl Default for LoadOptions {
 /// the scene file first.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<SceneDesc> {
     let name = path.display().to_string();
+    options.check()?;
+    if gltf::is_gltf(path) {
+        return load_gltf(path, options);
+    }
     let text = files::read_text(path, files::XML_CAP).map_err(|e| e.at(name.clone(), Default::default()))?;
     let dir = path.parent().unwrap_or(Path::new("")).to_path_buf();
     finish(parse::parse_scene(parse::Root { name, path: Some(path), text: &text, dir }, options)?, options)
 }
 
+fn load_gltf(path: &Path, options: &LoadOptions) -> Result<SceneDesc> {
+    if let Some((define, _)) = options.defines.first() {
+        return Err(Error::new(format!("a glTF file has no parameters, so not `{define}`")));
+    }
+    gltf::load(path, options)
+}
+
+/// Loads a scene from the bytes of a `.gltf` or `.glb` file, which messages
+/// call `name`; files are looked for in `folder`.
+pub fn load_gltf_bytes(
+    bytes: Vec<u8>,
+    name: &str,
+    folder: &Path,
+    options: &LoadOptions,
+) -> Result<SceneDesc> {
+    options.check()?;
+    gltf::load_bytes(bytes, name, folder, options)
+}
+
 /// Loads a scene from a string, which messages call `<string>`; files are
 /// looked for in `base_dir`.
 pub fn load_str(xml: &str, base_dir: &Path, options: &LoadOptions) -> Result<SceneDesc> {
+    options.check()?;
     let root = parse::Root { name: "<string>".into(), path: None, text: xml, dir: base_dir.to_path_buf() };
     finish(parse::parse_scene(root, options)?, options)
 }
@@ -71,6 +155,7 @@ pub fn load_str(xml: &str, base_dir: &Path, options: &LoadOptions) -> Result<Sce
 fn finish(mut parsed: parse::Parsed, options: &LoadOptions) -> Result<SceneDesc> {
     references::resolve(&mut parsed)?;
     upgrade::upgrade(&mut parsed)?;
+    stage::apply(&mut parsed.scene, options)?;
     assets::decode(&mut parsed, options)?;
     Ok(parsed.scene)
 }

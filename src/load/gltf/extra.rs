@@ -1,0 +1,128 @@
+//! The `KHR_materials_…` extensions as parameters of `<bsdf type="gltf">`.
+
+use super::json::{Anisotropy, Iridescence, MaterialExtensions, Volume};
+use super::material::Bsdf;
+use super::texture::Use;
+use crate::desc::Value;
+
+/// Adds what the extensions of a material ask for.
+pub fn extensions(bsdf: &mut Bsdf, ext: &MaterialExtensions) {
+    if let Some(ior) = ext.ior.as_ref().and_then(|e| e.ior) {
+        index(bsdf, ior);
+    }
+    if let Some(e) = &ext.specular {
+        let factor = bsdf.unit("specularFactor", e.specular_factor.unwrap_or(1.0));
+        bsdf.number("specular", factor, e.specular_texture.as_ref(), "a");
+        let color = e.specular_color_factor.unwrap_or([1.0; 3]).map(|c| c.max(0.0));
+        bsdf.color("specular_color", color, e.specular_color_texture.as_ref());
+    }
+    if let Some(e) = &ext.transmission {
+        let factor = bsdf.unit("transmissionFactor", e.transmission_factor);
+        bsdf.number("transmission", factor, e.transmission_texture.as_ref(), "r");
+    }
+    if let Some(e) = &ext.volume {
+        volume(bsdf, e);
+    }
+    if ext.dispersion.as_ref().is_some_and(|e| e.dispersion > 0.0) {
+        let place = bsdf.place.clone();
+        bsdf.objects.warn(&place, "KHR_materials_dispersion: light of all colours is refracted alike");
+    }
+    if let Some(e) = ext.clearcoat.as_ref().filter(|e| e.clearcoat_factor > 0.0) {
+        let factor = bsdf.unit("clearcoatFactor", e.clearcoat_factor);
+        bsdf.number("clearcoat", factor, e.clearcoat_texture.as_ref(), "r");
+        let factor = bsdf.unit("clearcoatRoughnessFactor", e.clearcoat_roughness_factor);
+        bsdf.number("clearcoat_roughness", factor, e.clearcoat_roughness_texture.as_ref(), "g");
+        let normal = e.clearcoat_normal_texture.as_ref();
+        bsdf.normal("clearcoat_normal", normal);
+        if normal.and_then(|info| info.scale).is_some_and(|scale| scale != 1.0) {
+            let place = bsdf.place.clone();
+            bsdf.objects.warn(&place, "clearcoatNormalTexture.scale is not applied");
+        }
+    }
+    if let Some(e) = ext.sheen.as_ref().filter(|e| e.sheen_color_factor.iter().any(|c| *c > 0.0)) {
+        let color = bsdf.unit_color("sheenColorFactor", e.sheen_color_factor);
+        bsdf.color("sheen_color", color, e.sheen_color_texture.as_ref());
+        let factor = bsdf.unit("sheenRoughnessFactor", e.sheen_roughness_factor);
+        bsdf.number("sheen_roughness", factor, e.sheen_roughness_texture.as_ref(), "a");
+    }
+    if let Some(e) = ext.anisotropy.as_ref().filter(|e| e.anisotropy_strength != 0.0) {
+        anisotropy(bsdf, e);
+    }
+    if let Some(e) = ext.iridescence.as_ref().filter(|e| e.iridescence_factor > 0.0) {
+        iridescence(bsdf, e);
+    }
+    if let Some(e) = ext.diffuse_transmission.as_ref().filter(|e| e.diffuse_transmission_factor > 0.0) {
+        let factor = bsdf.unit("diffuseTransmissionFactor", e.diffuse_transmission_factor);
+        bsdf.number("diffuse_transmission", factor, e.diffuse_transmission_texture.as_ref(), "a");
+        let color = e.diffuse_transmission_color_factor.unwrap_or([1.0; 3]);
+        let color = bsdf.unit_color("diffuseTransmissionColorFactor", color);
+        bsdf.color("diffuse_transmission_color", color, e.diffuse_transmission_color_texture.as_ref());
+    }
+}
+
+/// An index of 0 means that everything is reflected, to the bsdf as to the
+/// extension.
+fn index(bsdf: &mut Bsdf, ior: f64) {
+    let place = bsdf.place.clone();
+    let value = match ior {
+        ior if ior == 0.0 || ior >= 1.0 => ior,
+        ior => {
+            bsdf.objects.warn(&place, &format!("an index of refraction of {ior} is taken for 1"));
+            1.0
+        }
+    };
+    bsdf.params.push(("ior", Value::Float(value)));
+}
+
+/// Only whether there is a thickness counts: it says that the mesh is the
+/// surface of a body, and how thick that is the mesh itself tells.
+fn volume(bsdf: &mut Bsdf, volume: &Volume) {
+    if !(volume.thickness_factor > 0.0) {
+        return;
+    }
+    bsdf.params.push(("thickness", Value::Float(volume.thickness_factor)));
+    let colored = volume.attenuation_color.is_some_and(|c| c != [1.0; 3]);
+    if colored && volume.attenuation_distance.is_some_and(f64::is_finite) {
+        let place = bsdf.place.clone();
+        bsdf.objects.warn(
+            &place,
+            "KHR_materials_volume: what is inside takes no light away (attenuation is left out)",
+        );
+    }
+}
+
+/// The texture's red and green are the direction, its blue is the strength.
+fn anisotropy(bsdf: &mut Bsdf, e: &Anisotropy) {
+    let strength = bsdf.unit("anisotropyStrength", e.anisotropy_strength);
+    bsdf.number("anisotropy", strength, e.anisotropy_texture.as_ref(), "b");
+    let turned = e.anisotropy_rotation as f32;
+    let angle = |c: [f32; 4]| turned + (c[1] * 2.0 - 1.0).atan2(c[0] * 2.0 - 1.0);
+    let baked = e
+        .anisotropy_texture
+        .as_ref()
+        .and_then(|info| bsdf.images.baked(bsdf.objects, bsdf.source, info, angle));
+    if let Some(Value::Object(texture)) = &baked {
+        // Between angles there is no blending: they jump by a whole turn.
+        let params = &mut bsdf.objects.desc.objects[*texture as usize].params;
+        let filter = params.iter_mut().find(|p| p.name == "filter_type");
+        filter.into_iter().for_each(|p| p.value = Value::String("nearest".into()));
+    }
+    bsdf.params.push(("anisotropy_rotation", baked.unwrap_or(Value::Float(e.anisotropy_rotation))));
+}
+
+/// A film between two thicknesses in nanometres, by the green of the texture.
+fn iridescence(bsdf: &mut Bsdf, e: &Iridescence) {
+    let factor = bsdf.unit("iridescenceFactor", e.iridescence_factor);
+    bsdf.number("iridescence", factor, e.iridescence_texture.as_ref(), "r");
+    bsdf.params.push(("iridescence_ior", Value::Float(e.iridescence_ior.unwrap_or(1.3).max(1.0))));
+    let least = e.iridescence_thickness_minimum.unwrap_or(100.0).max(0.0);
+    let most = e.iridescence_thickness_maximum.unwrap_or(400.0).max(0.0);
+    let texture = e.iridescence_thickness_texture.as_ref().and_then(|info| {
+        if least == 0.0 {
+            return bsdf.images.texture(bsdf.objects, bsdf.source, info, Use::channel("g", most));
+        }
+        let between = |c: [f32; 4]| (least + (most - least) * f64::from(c[1])) as f32;
+        bsdf.images.baked(bsdf.objects, bsdf.source, info, between)
+    });
+    bsdf.params.push(("iridescence_thickness", texture.unwrap_or(Value::Float(most))));
+}

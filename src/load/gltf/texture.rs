@@ -1,0 +1,321 @@
+//! Images and textures. An image is decoded once, however many textures show
+//! it and whichever of its channels they read.
+//!
+//! Texture coordinates need no turning: v of glTF grows from the top row of an
+//! image down, and so does that of a bitmap here, whose row 0 is at v = 0.
+
+use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::super::{LoadOptions, files, image_file};
+use super::fail;
+use super::geometry::uv_attribute;
+use super::json::{Material, TextureInfo};
+use super::objects::Objects;
+use super::source::{Budget, Source, wrap};
+use crate::desc::{Category, Image, Pixels, Result, Value};
+use crate::math::{DMat4, DVec4, Transform};
+
+/// All images of a file together may take this many times what one may.
+const ALL_IMAGES: u64 = 8;
+
+/// What a texture is read for.
+#[derive(Clone, Copy, Debug)]
+pub struct Use {
+    /// Numbers as they are; else colours in sRGB.
+    pub raw: bool,
+    /// `r`, `g`, `b`, `a` or `rgb`.
+    pub channel: &'static str,
+    /// Factor on what is read.
+    pub scale: Scale,
+}
+
+/// A factor on a texture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// The same for all channels.
+    Grey(f64),
+    /// One for each.
+    Rgb([f64; 3]),
+}
+
+impl Use {
+    /// A colour times a factor.
+    pub fn color(factor: [f64; 3]) -> Use {
+        Use { raw: false, channel: "rgb", scale: Scale::Rgb(factor) }
+    }
+
+    /// One channel times a factor.
+    pub fn channel(channel: &'static str, factor: f64) -> Use {
+        Use { raw: true, channel, scale: Scale::Grey(factor) }
+    }
+}
+
+/// The images that the materials in use read.
+#[derive(Debug, Default)]
+pub struct Images {
+    decoded: HashMap<usize, Arc<Image>>,
+    /// Where each is in the scene description, once something shows it.
+    attached: HashMap<usize, u32>,
+}
+
+/// All textures of a material that a path tracer reads. (Occlusion is what it
+/// works out itself.)
+pub fn textures_of(material: &Material) -> Vec<&TextureInfo> {
+    let (pbr, ext) = (&material.pbr_metallic_roughness, &material.extensions);
+    let mut all = vec![
+        pbr.base_color_texture.as_ref(),
+        pbr.metallic_roughness_texture.as_ref(),
+        material.normal_texture.as_ref(),
+        material.emissive_texture.as_ref(),
+    ];
+    if let Some(e) = &ext.anisotropy {
+        all.push(e.anisotropy_texture.as_ref());
+    }
+    if let Some(e) = &ext.clearcoat {
+        let textures = [&e.clearcoat_texture, &e.clearcoat_roughness_texture, &e.clearcoat_normal_texture];
+        all.extend(textures.map(Option::as_ref));
+    }
+    if let Some(e) = &ext.diffuse_transmission {
+        let textures = [&e.diffuse_transmission_texture, &e.diffuse_transmission_color_texture];
+        all.extend(textures.map(Option::as_ref));
+    }
+    if let Some(e) = &ext.iridescence {
+        all.extend([&e.iridescence_texture, &e.iridescence_thickness_texture].map(Option::as_ref));
+    }
+    if let Some(e) = &ext.sheen {
+        all.extend([&e.sheen_color_texture, &e.sheen_roughness_texture].map(Option::as_ref));
+    }
+    if let Some(e) = &ext.specular {
+        all.extend([&e.specular_texture, &e.specular_color_texture].map(Option::as_ref));
+    }
+    if let Some(e) = &ext.specular_glossiness {
+        all.extend([&e.diffuse_texture, &e.specular_glossiness_texture].map(Option::as_ref));
+    }
+    if let Some(e) = &ext.transmission {
+        all.push(e.transmission_texture.as_ref());
+    }
+    all.into_iter().flatten().collect()
+}
+
+/// The set of texture coordinates that a texture is looked up with.
+pub fn uv_set(info: &TextureInfo) -> u32 {
+    info.extensions.transform.as_ref().and_then(|t| t.tex_coord).unwrap_or(info.tex_coord)
+}
+
+/// The image that a texture shows. `None` for one that shows none.
+fn image_of(
+    source: &Source,
+    texture: usize,
+    place: &str,
+    warnings: &mut Vec<String>,
+) -> Result<Option<usize>> {
+    let Some(found) = source.root.textures.get(texture) else {
+        return Err(fail(place, format!("there is no textures[{texture}]")));
+    };
+    let place = format!("textures[{texture}]");
+    let webp = found.extensions.webp.as_ref().and_then(|e| e.source);
+    let index = match (webp, found.source) {
+        (Some(index), _) | (None, Some(index)) => index,
+        (None, None) => {
+            let unread = [
+                ("KHR_texture_basisu", found.extensions.basisu.as_ref(), "KTX2"),
+                ("MSFT_texture_dds", found.extensions.dds.as_ref(), "DDS"),
+            ];
+            if let Some((extension, _, format)) = unread.iter().find(|(_, e, _)| e.is_some()) {
+                let message = format!("is a {format} image by {extension}, which is not decoded");
+                return Err(fail(&place, message).hint(
+                    "convert it to PNG or JPEG, for example with `gltf-transform ktxdecompress` or `toktx`",
+                ));
+            }
+            warnings.push(format!("{}: {place}: has no image", source.name));
+            return Ok(None);
+        }
+    };
+    if index >= source.root.images.len() {
+        return Err(fail(&place, format!("there is no images[{index}]")));
+    }
+    Ok(Some(index))
+}
+
+impl Images {
+    /// Decodes the images of some materials, in parallel.
+    pub fn decode<'a>(
+        source: &Source,
+        materials: impl Iterator<Item = (usize, &'a Material)>,
+        options: &LoadOptions,
+        warnings: &mut Vec<String>,
+    ) -> Result<Images> {
+        let mut wanted = BTreeSet::new();
+        for (index, material) in materials {
+            for info in textures_of(material) {
+                wanted.extend(image_of(source, info.index, &format!("materials[{index}]"), warnings)?);
+            }
+        }
+        warnings.dedup();
+        let budget = Budget::new(options.max_image_bytes.saturating_mul(ALL_IMAGES));
+        let decoded: Vec<Result<(usize, Arc<Image>)>> = wanted
+            .into_par_iter()
+            .map(|index| Ok((index, Arc::new(decode(source, index, options, &budget)?))))
+            .collect();
+        Ok(Images { decoded: decoded.into_iter().collect::<Result<_>>()?, attached: HashMap::new() })
+    }
+
+    /// The pixels that a texture shows.
+    pub fn image(&self, source: &Source, info: &TextureInfo) -> Option<&Arc<Image>> {
+        let index = image_of(source, info.index, "", &mut Vec::new()).ok()??;
+        self.decoded.get(&index)
+    }
+
+    /// A `<texture type="bitmap">`; `None` when the texture has no image.
+    pub fn texture(
+        &mut self,
+        objects: &mut Objects,
+        source: &Source,
+        info: &TextureInfo,
+        usage: Use,
+    ) -> Option<Value> {
+        let index = image_of(source, info.index, "", &mut Vec::new()).ok()??;
+        let image = self.decoded.get(&index)?;
+        let attached = self.attached.entry(index).or_insert_with(|| objects.image(image.clone()));
+        let image = (*attached, image.name.clone());
+        Some(bitmap(objects, source, info, usage, image))
+    }
+
+    /// As [`Images::texture`], of an image made for it: `make` is called with
+    /// the channels of every texel, 1 = white, and gives the only channel of
+    /// the new image.
+    pub fn baked(
+        &self,
+        objects: &mut Objects,
+        source: &Source,
+        info: &TextureInfo,
+        make: impl Fn([f32; 4]) -> f32,
+    ) -> Option<Value> {
+        let image = self.image(source, info)?;
+        let texels = (0..image.width as usize * image.height as usize).map(|i| make(texel(image, i)));
+        let baked = Image {
+            width: image.width,
+            height: image.height,
+            channels: 1,
+            pixels: Pixels::F32(texels.collect()),
+            name: image.name.clone(),
+        };
+        let name = baked.name.clone();
+        let id = objects.image(Arc::new(baked));
+        Some(bitmap(objects, source, info, Use::channel("r", 1.0), (id, name)))
+    }
+}
+
+/// Red, green, blue and alpha of a texel as stored, 1 = white.
+pub fn texel(image: &Image, index: usize) -> [f32; 4] {
+    let channels = image.channels as usize;
+    let at = |c: usize| match &image.pixels {
+        Pixels::U8(p) => f32::from(p[index * channels + c]) / 255.0,
+        Pixels::U16(p) => f32::from(p[index * channels + c]) / 65535.0,
+        Pixels::F32(p) => p[index * channels + c],
+    };
+    match channels {
+        1 => [at(0), at(0), at(0), 1.0],
+        2 => [at(0), at(0), at(0), at(1)],
+        3 => [at(0), at(1), at(2), 1.0],
+        _ => [at(0), at(1), at(2), at(3)],
+    }
+}
+
+/// True if an image has an alpha channel.
+pub fn has_alpha(image: &Image) -> bool {
+    image.channels == 2 || image.channels == 4
+}
+
+fn bitmap(
+    objects: &mut Objects,
+    source: &Source,
+    info: &TextureInfo,
+    usage: Use,
+    image: (u32, String),
+) -> Value {
+    let texture = &source.root.textures[info.index];
+    let sampler = texture.sampler.and_then(|s| source.root.samplers.get(s)).cloned().unwrap_or_default();
+    let wrap = |mode: Option<u32>| {
+        let word = match mode {
+            Some(33071) => "clamp",
+            Some(33648) => "mirror",
+            _ => "repeat",
+        };
+        Value::String(word.into())
+    };
+    let filter = if sampler.mag_filter == Some(9728) { "nearest" } else { "bilinear" };
+    let mut params = vec![
+        ("filename", Value::String(image.1)),
+        ("image", Value::Image(image.0)),
+        ("raw", Value::Bool(usage.raw)),
+        ("filter_type", Value::String(filter.into())),
+        ("wrap_mode_u", wrap(sampler.wrap_s)),
+        ("wrap_mode_v", wrap(sampler.wrap_t)),
+    ];
+    if usage.channel != "rgb" {
+        params.push(("channel", Value::String(usage.channel.into())));
+    }
+    match usage.scale {
+        Scale::Grey(1.0) | Scale::Rgb([1.0, 1.0, 1.0]) => {}
+        Scale::Grey(factor) => params.push(("scale", Value::Float(factor))),
+        Scale::Rgb(factor) => params.push(("scale", Value::Rgb(factor))),
+    }
+    if let Some(to_uv) = to_uv(info) {
+        params.push(("to_uv", Value::Transform(to_uv)));
+    }
+    if uv_set(info) > 0 {
+        params.push(("uv_attribute", Value::String(uv_attribute(uv_set(info)))));
+    }
+    let pos = objects.pos(&format!("textures[{}]", info.index));
+    Value::Object(objects.add(Category::Texture, "bitmap", pos, params))
+}
+
+/// `KHR_texture_transform`: scaled, turned counter-clockwise as seen with v
+/// downwards, moved.
+fn to_uv(info: &TextureInfo) -> Option<Transform> {
+    let transform = info.extensions.transform.as_ref()?;
+    let (sin, cos) = transform.rotation.sin_cos();
+    // A texture may be stretched to one colour, but a transform has an inverse.
+    let [x, y] = transform.scale.unwrap_or([1.0; 2]).map(|s| if s.abs() < 1e-9 { 1e-9 } else { s });
+    let [u, v] = transform.offset;
+    let matrix = DMat4::from_cols(
+        DVec4::new(cos * x, -sin * x, 0.0, 0.0),
+        DVec4::new(sin * y, cos * y, 0.0, 0.0),
+        DVec4::Z,
+        DVec4::new(u, v, 0.0, 1.0),
+    );
+    Transform::from_matrix(matrix).filter(|t| *t != Transform::IDENTITY)
+}
+
+fn decode(source: &Source, index: usize, options: &LoadOptions, budget: &Budget) -> Result<Image> {
+    let image = &source.root.images[index];
+    let place = format!("images[{index}]");
+    let (bytes, name) = match (&image.uri, image.buffer_view) {
+        (Some(uri), _) => {
+            let bytes = source.fetch(uri, files::IMAGE_CAP, &format!("{place}.uri"))?;
+            (bytes, if uri.starts_with("data:") { String::new() } else { uri.clone() })
+        }
+        (None, Some(view)) => (source.view(view, &place)?.0.to_vec(), String::new()),
+        (None, None) => return Err(fail(&place, "needs a `uri` or a `bufferView`")),
+    };
+    let name = match (name.is_empty(), image.name.is_empty()) {
+        (false, _) => name,
+        (true, false) => format!("{place} `{}`", image.name),
+        (true, true) => place.clone(),
+    };
+    let hint = image.mime_type.as_deref().unwrap_or_default();
+    if bytes.starts_with(b"\xabKTX") {
+        return Err(fail(&place, "is a KTX image, which is not decoded").hint("convert it to PNG or JPEG"));
+    }
+    let limits = image_file::Limits { bytes: options.max_image_bytes, tga: hint == "image/x-tga" };
+    if let Some((width, height)) = image_file::dimensions(&bytes) {
+        // Four channels of a byte each is the least that most decoders need.
+        let size = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(4);
+        budget.take(size, &place)?;
+    }
+    image_file::decode_bytes(&bytes, &name, limits).map_err(|e| wrap(&place, e))
+}
