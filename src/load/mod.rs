@@ -1,10 +1,11 @@
 //! Files to [`SceneDesc`]: Mitsuba 3 scene files, meshes and images.
 //!
 //! [`load`] reads a scene in four steps. (1) The XML of the file and of its
-//! includes becomes objects and parameters, with `$name` replaced and files
-//! older than 2.0 spelled anew. (2) References become object ids; cycles and
-//! unknown ids are errors. (3) The files that shapes, textures and emitters
-//! name are found, and each is decoded once, in parallel. (4) What was decoded
+//! includes becomes objects and parameters, with `$name` replaced. (2)
+//! References become object ids, cycles and unknown ids are errors; and files
+//! older than 2.0 are brought to today's kinds and parameters. (3) The files
+//! that shapes, textures and emitters name are found, and each is decoded
+//! once, in parallel. (4) What was decoded
 //! is attached to the objects: a `mesh` to shapes `obj`, `ply` and
 //! `serialized` (whose `filename`, `flip_tex_coords` and `shape_index` are
 //! thereby used up), an `image` to `bitmap` textures and `envmap` emitters
@@ -19,7 +20,13 @@ mod assets;
 mod exr_file;
 mod files;
 mod image_file;
+mod lenient;
 mod obj;
+mod old;
+mod old_bsdfs;
+mod old_emitters;
+mod old_kinds;
+mod old_values;
 mod parse;
 mod picture;
 mod ply;
@@ -44,11 +51,14 @@ pub struct LoadOptions {
     pub defines: Vec<(String, String)>,
     /// Largest size of one decoded image in bytes.
     pub max_image_bytes: u64,
+    /// Replaces what is not known or not there, and says so: see
+    /// [`SceneDesc::replacements`].
+    pub lenient: bool,
 }
 
 impl Default for LoadOptions {
     fn default() -> Self {
-        LoadOptions { defines: Vec::new(), max_image_bytes: 4 << 30 }
+        LoadOptions { defines: Vec::new(), max_image_bytes: 4 << 30, lenient: false }
     }
 }
 
@@ -71,6 +81,7 @@ pub fn load_str(xml: &str, base_dir: &Path, options: &LoadOptions) -> Result<Sce
 fn finish(mut parsed: parse::Parsed, options: &LoadOptions) -> Result<SceneDesc> {
     references::resolve(&mut parsed)?;
     upgrade::upgrade(&mut parsed)?;
+    lenient::replace_unknown(&mut parsed.scene)?;
     assets::decode(&mut parsed, options)?;
     Ok(parsed.scene)
 }
