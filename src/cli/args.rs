@@ -62,6 +62,10 @@ pub struct SceneArgs {
     /// Quality of the tree of bvh8: fast to build, or high (the default) to trace.
     #[arg(long, value_name = "QUALITY")]
     pub bvh: Option<String>,
+    /// Go on where something is not known or not there: it is replaced or left out, and each replacement
+    /// is named.
+    #[arg(long)]
+    pub lenient: bool,
 }
 
 impl SceneArgs {
@@ -262,6 +266,9 @@ pub struct StudyArgs {
     /// Render only this part of the film; in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
     pub crop: Option<[u32; 4]>,
+    /// Go on where something in the scene is not known or not there, as render does with it.
+    #[arg(long)]
+    pub lenient: bool,
     /// Title of the report.
     #[arg(long)]
     pub title: Option<String>,
@@ -294,6 +301,7 @@ impl StudyArgs {
             ("-D", !self.defines.is_empty()),
             ("--size", self.size.is_some()),
             ("--crop", self.crop.is_some()),
+            ("--lenient", self.lenient),
         ]
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))
