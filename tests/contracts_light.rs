@@ -106,7 +106,7 @@ fn environments_sample_what_they_say() {
     let grid = Grid { rows: 12, columns: 24, fine: 40 };
     let environments: Vec<_> =
         Light::examples().into_iter().filter(|(_, light)| light.is_environment()).collect();
-    assert_eq!(environments.len(), 13);
+    assert_eq!(environments.len(), 17);
     for (name, light) in &environments {
         let density = grid.integrate(|d| DVec3::splat(f64::from(light.pdf_environment(d))));
         let total: f64 = density.iter().map(|d| d.x).sum();
@@ -663,6 +663,22 @@ fn refusals_say_what_and_where() {
         (
             env_map([3, 2], vec![1.0; 18], vec![("to_world", scale)]),
             "scene.xml:1:4: `to_world` of emitter `envmap` must not scale; it may rotate and mirror",
+        ),
+        (
+            read("sunsky", vec![("hour", float(23.0))]),
+            "scene.xml:1:2: the sun is 31.1 degrees below the horizon: the sky has no night",
+        ),
+        (
+            read("sunsky", vec![("turbidity", float(11.0))]),
+            "scene.xml:1:2: `turbidity` must lie between 1 and 10, found 11",
+        ),
+        (
+            read("sunsky", vec![("sun_direction", vector(0.0, 0.0, 1.0)), ("hour", float(9.0))]),
+            "scene.xml:1:3: give either `sun_direction` or `hour`, not both",
+        ),
+        (
+            read("sunsky", vec![("sun_aperture", float(180.0))]),
+            "scene.xml:1:2: `sun_aperture` must lie between 0 and 180 degrees, found 180",
         ),
         (read("pointt", vec![]), "scene.xml:1:1: there is no emitter `pointt`; did you mean `point`?"),
         (

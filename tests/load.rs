@@ -684,7 +684,7 @@ fn eight_and_sixteen_bits() {
     folder.put("e.png", "no image");
     assert_eq!(
         bitmap(&folder, "e.png").unwrap_err(),
-        "DIR/s.xml:1:47: image `DIR/e.png`: no image format that is known; known: EXR, HDR, PNG, JPEG, TGA, BMP"
+        "DIR/s.xml:1:47: image `DIR/e.png`: no image format that is known; known: EXR, HDR, PNG, JPEG, WebP, TGA, BMP"
     );
 }
 

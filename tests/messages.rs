@@ -199,3 +199,47 @@ fn explain_and_replay_answer_on_stdout() {
         "error: pixel 99,12 is outside the film of 24 × 16"
     );
 }
+
+/// An old scene with a material that nothing here knows, and one that has a
+/// nearest.
+const OLD: &str = "<scene version=\"0.5.0\">
+<sensor type=\"perspective\"><film type=\"hdrfilm\"><integer name=\"width\" value=\"8\"/><integer name=\"height\" value=\"8\"/></film>
+<transform name=\"toWorld\"><lookAt origin=\"0,0,4\" target=\"0,0,0\" up=\"0,1,0\"/></transform></sensor>
+<emitter type=\"constant\"/>
+<shape type=\"sphere\"><bsdf type=\"phong\"/></shape>
+<shape type=\"rectangle\"><bsdf type=\"velvet\"/><float name=\"fuzz\" value=\"1\"/></shape>
+</scene>
+";
+
+#[test]
+fn leniency_is_told_by_every_command() {
+    let (output, folder) = etendue(OLD, &["render", "scene.xml", "-o", "a.exr", "--spp", "1", "-q"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(
+        String::from_utf8_lossy(&output.stderr).trim_end(),
+        "error: scene.xml:5:22: bsdf `phong` is not known; the nearest is a `blendbsdf` of `diffuse` and \
+         `roughconductor`; with --lenient it is replaced by a blend of `diffuse` and `roughconductor`"
+    );
+    let warnings = "\
+warning: scene.xml:5:22: bsdf `phong` is not known; the nearest is a `blendbsdf` of `diffuse` and \
+`roughconductor`; replaced by a blend of `diffuse` and `roughconductor`
+warning: scene.xml:6:25: unknown bsdf `velvet`; replaced by a grey `diffuse`
+warning: scene.xml:6:46: shape `rectangle` takes no parameter `fuzz`; ignored
+";
+    for command in [
+        &["render", "scene.xml", "-o", "a.exr", "--spp", "1", "-q", "--lenient"][..],
+        &["explain", "scene.xml", "--lenient"],
+        &["replay", "scene.xml", "4,4", "--lenient"],
+        &["study", "scene.xml", "-o", "study", "--spp", "1..2", "--repeats", "2", "--lenient", "-q"],
+    ] {
+        let output = run_in(folder.path(), command);
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{command:?}: {text}");
+        assert!(text.starts_with(warnings), "{command:?}: {text}");
+        assert_eq!(text.matches("velvet").count(), 1, "{command:?}: {text}");
+    }
+    // The file says it too.
+    let bytes = std::fs::read(folder.path().join("a.exr")).expect("a picture");
+    let holds = |text: &str| bytes.windows(text.len()).any(|w| w == text.as_bytes());
+    assert!(holds("etendue/replaced") && holds("unknown bsdf `velvet`"));
+}

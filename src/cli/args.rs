@@ -65,6 +65,10 @@ pub struct SceneArgs {
     /// Quality of the tree of bvh8: fast to build, or high (the default) to trace.
     #[arg(long, value_name = "QUALITY")]
     pub bvh: Option<String>,
+    /// Go on where something is not known or not there: it is replaced or left out, and each replacement
+    /// is named.
+    #[arg(long)]
+    pub lenient: bool,
 }
 
 impl SceneArgs {
@@ -120,6 +124,7 @@ impl SceneArgs {
         let stage = self.stage.clone();
         LoadOptions {
             defines: self.defines.clone(),
+            lenient: self.lenient,
             camera: stage.camera,
             environment: stage.environment,
             sun: stage.sun,
@@ -327,6 +332,9 @@ pub struct StudyArgs {
     /// Render only this part of the film; in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
     pub crop: Option<[u32; 4]>,
+    /// Go on where something in the scene is not known or not there, as render does with it.
+    #[arg(long)]
+    pub lenient: bool,
     /// Title of the report.
     #[arg(long)]
     pub title: Option<String>,
@@ -359,6 +367,7 @@ impl StudyArgs {
             ("-D", !self.defines.is_empty()),
             ("--size", self.size.is_some()),
             ("--crop", self.crop.is_some()),
+            ("--lenient", self.lenient),
         ]
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))

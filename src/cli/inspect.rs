@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use super::args::{ExplainArgs, ReplayArgs};
-use super::load_scene;
+use super::{build_scene, load_scene};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, LayerSet};
-use crate::integrator::{Event, Integrator};
+use crate::integrator::Event;
 use crate::math::{Rgb, Vec3};
 use crate::render::replay as replay_path;
 use crate::sampling::{Sampler, replica_of};
@@ -15,8 +15,7 @@ use crate::scene::Scene;
 /// Prints the plan of a scene.
 pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
-    let scene = Scene::build(&desc, &args.scene.build_options())?;
-    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let (scene, integrator) = build_scene(&args.scene, &desc)?;
     if args.json {
         let mut plan = scene.plan.to_json();
         plan["film_bytes"] = Film::bytes_for(&scene.film, FILM_LAYERS, Groups::Halves).into();
@@ -55,8 +54,7 @@ fn film_memory(scene: &Scene) -> String {
 /// Prints one path.
 pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
-    let scene = Scene::build(&desc, &args.scene.build_options())?;
-    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let (scene, integrator) = build_scene(&args.scene, &desc)?;
     let [width, height] = scene.film.size;
     let (x, y) = args.pixel;
     if x as u32 >= width || y as u32 >= height {

@@ -36,6 +36,8 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::desc::{Result, SceneDesc};
+use crate::integrator::Integrator;
+use crate::scene::Scene;
 use args::{Command, Etendue, SceneArgs};
 
 /// Runs the command line; returns 0 when done, 1 on failure, 2 on wrong use.
@@ -69,8 +71,21 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// Loads the scene that the arguments name, and prints its warnings.
 fn load_scene(args: &SceneArgs) -> Result<SceneDesc> {
     let desc = crate::load::load(&args.scene, &args.load_options())?;
-    for warning in &desc.warnings {
-        eprintln!("warning: {warning}");
-    }
+    warn(&desc.warnings);
+    warn(&desc.new_replacements());
     Ok(desc)
+}
+
+/// Builds what was loaded, and prints what was replaced on the way.
+fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)> {
+    let scene = Scene::build(desc, &args.build_options());
+    let integrator = Integrator::from_desc(desc, &args.integrator_options());
+    warn(&desc.new_replacements());
+    Ok((scene?, integrator?))
+}
+
+fn warn(texts: &[String]) {
+    for text in texts {
+        eprintln!("warning: {text}");
+    }
 }

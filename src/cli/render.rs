@@ -5,8 +5,8 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use super::args::{Curve, RenderArgs};
-use super::load_scene;
 use super::progress::{Progress, interrupted};
+use super::{build_scene, load_scene};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
@@ -77,11 +77,10 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
     let load = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let scene = Scene::build(&desc, &args.scene.build_options())?;
-    let integrator = Integrator::from_desc(&desc, &args.scene.integrator_options())?;
+    let (scene, integrator) = build_scene(&args.scene, &desc)?;
     let file_layers = Integrator::layers_from_desc(&desc)?;
     let build = clock.elapsed().as_secs_f64();
-    let hash = desc.content_hash();
+    let origin = Origin { hash: desc.content_hash(), replaced: desc.replacements() };
     drop(desc);
     let open_ended = args.spp.is_none() && (args.time.is_some() || args.error.is_some());
     let options = RenderOptions {
@@ -105,7 +104,7 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let progress = Progress::new(args.quiet, options.time, open_ended);
     let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
     progress.finish();
-    let header = header(&scene, &integrator, &stats, &options, hash);
+    let header = header(&scene, &integrator, &stats, &options, &origin);
     let picture = film.resolve();
     output.write(args, &picture, &header, args.half || scene.film.half)?;
     if let Some(path) = &args.stats {
@@ -113,6 +112,13 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
         save::write_file(path, text.as_bytes())?;
     }
     Ok(summarise(args, &stats))
+}
+
+/// What a header says of the scene's files.
+struct Origin {
+    hash: u64,
+    /// What leniency replaced in them.
+    replaced: Vec<String>,
 }
 
 /// As good as no limit.
@@ -198,14 +204,14 @@ fn header(
     integrator: &Integrator,
     stats: &RenderStats,
     options: &RenderOptions,
-    hash: u64,
+    origin: &Origin,
 ) -> Header {
     let text = |name: &str, value: String| (format!("etendue/{name}"), value);
     let [low, high] = stats.relative_error_interval;
     let mut header = Header {
         attributes: vec![
             text("version", env!("CARGO_PKG_VERSION").to_owned()),
-            text("sceneHash", format!("{hash:016x}")),
+            text("sceneHash", format!("{:016x}", origin.hash)),
             text("seed", options.seed.to_string()),
             text("sampler", options.sequence.name().to_owned()),
             text("samples", stats.samples_per_pixel.to_string()),
@@ -222,6 +228,9 @@ fn header(
         world_to_ndc: scene.camera.world_to_ndc(),
         ..Header::default()
     };
+    if !origin.replaced.is_empty() {
+        header.attributes.push(text("replaced", origin.replaced.join("\n")));
+    }
     if options.replicas > 0 {
         header.attributes.push(text("replicas", options.replicas.to_string()));
     }

@@ -103,6 +103,7 @@ fn scene_plan(args: &StudyArgs) -> Result<Plan> {
         crop: args.crop,
         define,
         regions: args.regions()?,
+        lenient: args.lenient,
     };
     let spp = (args.budget.is_none()).then(|| Ladder::Range("1..256".to_owned()));
     Ok(Plan { spp, vary, layers: args.layers.clone(), scenes: vec![scene], ..Plan::default() })

@@ -7,7 +7,7 @@ mod cie_tables;
 mod conductors;
 mod spectrum;
 
-pub use spectrum::{reflectance_spectrum_to_rgb, spectrum_to_rgb};
+pub use spectrum::{matching_rgb, reflectance_spectrum_to_rgb, spectrum_to_rgb};
 
 use crate::math::Rgb;
 use conductors::CONDUCTORS;

@@ -63,6 +63,17 @@ fn cie(wavelength: f64) -> [f64; 4] {
     std::array::from_fn(|c| (1.0 - w) * f64::from(CIE[i][c]) + w * f64::from(CIE[i + 1][c]))
 }
 
+/// The CIE 1931 curves at a wavelength in nm as linear sRGB, not normalised
+/// and negative where the colour is out of gamut; zero outside 360…830 nm.
+#[must_use]
+pub fn matching_rgb(wavelength: f64) -> [f64; 3] {
+    if !(wavelength >= WAVELENGTHS.0 && wavelength <= WAVELENGTHS.1) {
+        return [0.0; 3];
+    }
+    let [x, y, z, _] = cie(wavelength);
+    XYZ_TO_RGB.map(|m| m[0] * x + m[1] * y + m[2] * z)
+}
+
 fn interpolate(pairs: &[(f64, f64)], wavelength: f64) -> f64 {
     let (Some(first), Some(last)) = (pairs.first(), pairs.last()) else {
         return 0.0;

@@ -8,10 +8,12 @@
 
 mod error;
 mod kinds;
+mod lenient;
 mod optics;
 mod params;
 
 pub use error::{Error, Pos, Result, nearest};
+pub use lenient::Leniency;
 pub use params::Params;
 
 use std::sync::Arc;
@@ -36,6 +38,8 @@ pub struct SceneDesc {
     pub images: Vec<Arc<Image>>,
     /// Things worth telling the user that do not change the picture's meaning.
     pub warnings: Vec<String>,
+    /// Whether what is not known may be replaced.
+    pub leniency: Leniency,
 }
 
 /// What an object is for: the tag it stands under.

@@ -102,6 +102,11 @@ impl<'a> Params<'a> {
         let Some(param) = self.get(name) else { return Ok(None) };
         match param.value {
             Value::Int(v) => Ok(Some(v)),
+            Value::Float(v) if v.fract() == 0.0 && v.abs() < 1e15 => {
+                let outcome = format!("replaced by {v}");
+                self.scene.replace(self.wrong_type(param, "an integer"), &outcome)?;
+                Ok(Some(v as i64))
+            }
             _ => Err(self.wrong_type(param, "an integer")),
         }
     }
@@ -132,10 +137,14 @@ impl<'a> Params<'a> {
         default: &'static str,
     ) -> Result<&'static str> {
         let Some(word) = self.string_opt(name)? else { return Ok(default) };
-        known.iter().copied().find(|k| *k == word).ok_or_else(|| {
-            self.error_at(name, format!("`{name}` has no value `{word}`"))
-                .suggest(word, known.iter().copied())
-        })
+        if let Some(found) = known.iter().copied().find(|k| *k == word) {
+            return Ok(found);
+        }
+        let error = self
+            .error_at(name, format!("`{name}` has no value `{word}`"))
+            .suggest(word, known.iter().copied());
+        self.scene.replace(error, &format!("replaced by `{default}`"))?;
+        Ok(default)
     }
 
     /// A point or vector if given.
@@ -223,33 +232,30 @@ impl<'a> Params<'a> {
         }
     }
 
-    /// Fails on the first parameter that was not read.
+    /// Fails on the first parameter that was not read; in a lenient scene all
+    /// of them are ignored.
     pub fn finish(self) -> Result<()> {
         let used = self.used.borrow();
-        for (param, used) in self.object.params.iter().zip(used.iter()) {
-            if *used {
-                continue;
-            }
-            let owner = format!("{} `{}`", self.object.category.tag(), self.object.plugin);
-            if let Value::Object(id) = param.value {
-                let child = self.scene.object(id);
-                let what = with_article(child.category.tag());
-                if param.name.is_empty() {
-                    return Err(self
-                        .scene
-                        .error(param.pos, format!("{owner} takes no {}", child.category.tag())));
-                }
-                return Err(self
-                    .scene
-                    .error(param.pos, format!("{owner} takes no parameter `{}` ({what})", param.name))
-                    .suggest(&param.name, self.known.borrow().iter().copied()));
-            }
-            return Err(self
-                .scene
-                .error(param.pos, format!("{owner} takes no parameter `{}`", param.name))
-                .suggest(&param.name, self.known.borrow().iter().copied()));
+        for (param, _) in self.object.params.iter().zip(used.iter()).filter(|(_, used)| !**used) {
+            self.scene.replace(self.not_taken(param), "ignored")?;
         }
         Ok(())
+    }
+
+    /// The error of a parameter that nobody reads.
+    fn not_taken(&self, param: &Param) -> Error {
+        let owner = format!("{} `{}`", self.object.category.tag(), self.object.plugin);
+        let message = match param.value {
+            Value::Object(id) => {
+                let child = self.scene.object(id).category.tag();
+                if param.name.is_empty() {
+                    return self.scene.error(param.pos, format!("{owner} takes no {child}"));
+                }
+                format!("{owner} takes no parameter `{}` ({})", param.name, with_article(child))
+            }
+            _ => format!("{owner} takes no parameter `{}`", param.name),
+        };
+        self.scene.error(param.pos, message).suggest(&param.name, self.known.borrow().iter().copied())
     }
 }
 

@@ -18,13 +18,17 @@ use std::f64::consts::{PI, TAU};
 
 use crate::math::Vec2;
 
-/// The weights of a picture's texels, row 0 at θ = 0 and the last row at π;
+/// The weights of a picture's texels, row 0 at θ = 0 and the last row at π (or less);
 /// column i is at φ = 2π (i + ½) / width and the columns go round.
 pub(super) trait Weights {
     /// Columns and rows, each at least 1.
     fn size(&self) -> [u32; 2];
     /// Weight of a texel, finite, ≥ 0.
     fn weight(&self, x: u32, y: u32) -> f64;
+    /// θ of the last row, radians: less than π for a picture of a cap.
+    fn polar_range(&self) -> f64 {
+        PI
+    }
 }
 
 /// A point of the picture: φ and θ in radians.
@@ -46,6 +50,8 @@ pub(super) struct EnvTable {
     edges: Vec<(f64, f64)>,
     /// ∫ l dω.
     integral: f64,
+    /// θ of the last row.
+    range: f64,
 }
 
 const FIXED_POINT: f64 = 4_294_967_296.0;
@@ -55,6 +61,8 @@ impl EnvTable {
     pub(super) fn new(picture: &impl Weights) -> Option<EnvTable> {
         let [width, height] = picture.size();
         let row_count = height.max(2) - 1;
+        let range = picture.polar_range();
+        let delta = range / f64::from(row_count);
         let mut rows = vec![0.0];
         let mut cells = Vec::with_capacity((width as usize - 1) * row_count as usize);
         // Sums of neighbours: twice the means A and B of each cell.
@@ -66,7 +74,7 @@ impl EnvTable {
         let mut above = pairs(0);
         for j in 0..row_count {
             let below = pairs((j + 1).min(height - 1));
-            let parts = Strip::new(j, row_count).at(1.0).parts;
+            let parts = Strip::new(j, delta).at(1.0).parts;
             let masses = above.iter().zip(&below).map(|(a, b)| 0.5 * parts.mass(*a, *b));
             let row_mass: f64 = masses.clone().sum();
             total += row_mass;
@@ -83,9 +91,9 @@ impl EnvTable {
             return None;
         }
         rows.iter_mut().for_each(|r| *r /= total);
-        let integral = total * (TAU / f64::from(width)) * (PI / f64::from(row_count));
-        let edges = (0..=row_count).map(|j| edge(j, row_count)).collect();
-        Some(EnvTable { width: width as usize, rows, cells, edges, integral })
+        let integral = total * (TAU / f64::from(width)) * delta;
+        let edges = (0..=row_count).map(|j| edge(j, delta)).collect();
+        Some(EnvTable { width: width as usize, rows, cells, edges, integral, range })
     }
 
     /// ∫ l dω over the sphere.
@@ -115,7 +123,8 @@ impl EnvTable {
 
         // Point of the cell.
         let cell = Cell::new(picture, i as u32, j as u32);
-        let strip = Strip::between(j as u32, row_count as u32, [self.edges[j], self.edges[j + 1]]);
+        let delta = self.range / row_count as f64;
+        let strip = Strip::between(j as u32, delta, [self.edges[j], self.edges[j + 1]]);
         let t = strip.invert(&cell, v.clamp(0.0, 1.0));
         let s = invert_linear(mix(cell.l00, cell.l01, t), mix(cell.l10, cell.l11, t), w);
         Angles { phi: TAU * (i as f64 + 0.5 + s) / self.width as f64, theta: strip.theta(t) }
@@ -172,18 +181,17 @@ struct Place {
 }
 
 /// Sine and cosine of the θ above row `j`.
-fn edge(j: u32, row_count: u32) -> (f64, f64) {
-    (f64::from(j) * (PI / f64::from(row_count))).sin_cos()
+fn edge(j: u32, delta: f64) -> (f64, f64) {
+    (f64::from(j) * delta).sin_cos()
 }
 
 impl Strip {
-    fn new(j: u32, row_count: u32) -> Strip {
-        Strip::between(j, row_count, [j, j + 1].map(|j| edge(j, row_count)))
+    fn new(j: u32, delta: f64) -> Strip {
+        Strip::between(j, delta, [j, j + 1].map(|j| edge(j, delta)))
     }
 
     /// The same with its two edges at hand.
-    fn between(j: u32, row_count: u32, edges: [(f64, f64); 2]) -> Strip {
-        let delta = PI / f64::from(row_count);
+    fn between(j: u32, delta: f64, edges: [(f64, f64); 2]) -> Strip {
         Strip { theta0: f64::from(j) * delta, delta, start: edges[0], sin_end: edges[1].0 }
     }
 
@@ -252,7 +260,7 @@ mod tests {
     #[test]
     fn inversions_undo_the_closed_forms() {
         for (j, rows) in [(0, 1), (0, 2), (1, 2), (0, 4096), (4095, 4096), (1000, 4096)] {
-            let strip = Strip::new(j, rows);
+            let strip = Strip::new(j, PI / f64::from(rows));
             for (a, b) in [(1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (1e-12, 1e12), (3.0, 2.0)] {
                 let cell = Cell { l00: a, l10: a, l01: b, l11: b };
                 let mass = strip.at(1.0).parts.mass(a, b);

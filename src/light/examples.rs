@@ -5,8 +5,9 @@ use std::sync::Arc;
 use glam::DMat3;
 
 use super::envmap::EnvOptions;
+use super::sky::SkyOptions;
 use super::spot::Cone;
-use super::{Constant, Directional, EnvMap, Light, Point, Projector, Spot};
+use super::{Constant, Directional, EnvMap, Light, Point, Projector, Spot, SunSky};
 use crate::desc::{Image, Pixels};
 use crate::math::{DVec3, Rgb, Transform, Vec3};
 
@@ -32,8 +33,33 @@ impl Light {
             ("constant".into(), Constant { radiance: intensity, weight: 1.0 }.into()),
         ];
         out.extend(env_maps().into_iter().map(|(name, map)| (format!("envmap, {name}"), map.into())));
+        out.extend(skies().into_iter().map(|(name, sky)| (format!("sunsky, {name}"), sky.into())));
         out
     }
+}
+
+/// Skies clear and hazy, without a sun or with a huge one: a disc as small as
+/// the sun's is lost on any grid over the sphere.
+fn skies() -> Vec<(&'static str, SunSky)> {
+    let sky = |turbidity, sun: [f64; 3], sun_scale, complex_sun| {
+        SunSky::new(&SkyOptions {
+            turbidity,
+            albedo: Rgb::new(0.1, 0.5, 0.9),
+            sun_scale,
+            sky_scale: 2.0,
+            aperture: 1.8,
+            complex_sun,
+            sun: DVec3::from(sun).normalize(),
+            to_world: DMat3::from_axis_angle(DVec3::new(0.48, 0.6, 0.64), 1.1),
+            weight: 1.0,
+        })
+    };
+    vec![
+        ("no sun", sky(1.0, [0.9, 0.1, 0.3], 0.0, false)),
+        ("low", sky(2.5, [-0.5, 0.8, 0.01], 0.0, false)),
+        ("hazy, huge sun", sky(10.0, [-0.1, -0.4, 0.9], 1.0, false)),
+        ("huge sun with a limb", sky(5.5, [0.1, 0.1, 0.9], 0.01, true)),
+    ]
 }
 
 /// Maps that are stiff in one way each, and plain ones.

@@ -76,7 +76,7 @@ impl Light {
                 // Not falling off with distance as others do: bounded by nothing.
                 one(Extent { radius, ..all })
             }
-            Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) => Vec::new(),
+            Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) | Light::SunSky(_) => Vec::new(),
         }
     }
 }

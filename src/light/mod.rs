@@ -21,6 +21,10 @@ mod parse;
 mod point;
 mod projector;
 mod receiver;
+mod sky;
+mod sky_model;
+mod sky_parse;
+mod sky_position;
 mod spot;
 mod tree;
 mod tree_build;
@@ -35,6 +39,8 @@ pub use parse::{area_emission_from_desc, emitter_from_desc};
 pub use point::Point;
 pub use projector::Projector;
 pub use receiver::Receiver;
+pub use sky::SunSky;
+pub use sky_position::{Observer, SunPosition};
 pub use spot::Spot;
 pub use tree::{LightTree, TreeSample, TreeWalk};
 
@@ -62,8 +68,13 @@ kinds! {
         Constant(Constant) = ["constant"],
         /// A surrounding with a picture.
         EnvMap(EnvMap) = ["envmap"],
+        /// The sun and a clear sky.
+        SunSky(SunSky) = ["sunsky"],
     }
 }
+
+/// Angle across the disc of the sun, in degrees, as Mitsuba has it.
+pub const SUN_APERTURE_DEG: f64 = 0.5358;
 
 /// A direction towards a light. What it adds to the reflected radiance is
 /// f·|cos θ| · `radiance` / `pdf`, if nothing is in the way.
@@ -122,6 +133,7 @@ impl Light {
             Light::Directional(l) => l.sample(),
             Light::Constant(l) => l.sample(u),
             Light::EnvMap(l) => l.sample(u),
+            Light::SunSky(l) => l.sample(u),
         }?;
         let usable = sample.pdf > 0.0
             && sample.pdf.is_finite()
@@ -137,6 +149,7 @@ impl Light {
         match self {
             Light::Constant(l) => l.radiance,
             Light::EnvMap(l) => l.radiance(wi),
+            Light::SunSky(l) => l.radiance(wi),
             _ => Rgb::ZERO,
         }
     }
@@ -148,6 +161,7 @@ impl Light {
         match self {
             Light::Constant(l) => l.pdf(),
             Light::EnvMap(l) => l.pdf(wi),
+            Light::SunSky(l) => l.pdf(wi),
             _ => 0.0,
         }
     }
@@ -164,7 +178,7 @@ impl Light {
     /// True for lights that rays which hit nothing see.
     #[must_use]
     pub fn is_environment(&self) -> bool {
-        matches!(self, Light::Constant(_) | Light::EnvMap(_))
+        matches!(self, Light::Constant(_) | Light::EnvMap(_) | Light::SunSky(_))
     }
 
     /// True for lights that shine everywhere alike, from infinitely far away.
@@ -197,6 +211,7 @@ impl Light {
             Light::Directional(l) => l.normal_irradiance() * disk,
             Light::Constant(l) => l.radiance_integral() * disk,
             Light::EnvMap(l) => l.radiance_integral() * disk,
+            Light::SunSky(l) => l.radiance_integral() * disk,
         }
     }
 
@@ -212,6 +227,7 @@ impl Light {
             Light::Directional(l) => l.weight,
             Light::Constant(l) => l.weight,
             Light::EnvMap(l) => l.weight,
+            Light::SunSky(l) => l.weight,
         }
     }
 
@@ -224,6 +240,7 @@ impl Light {
             Light::Projector(l) => l.memory_bytes(),
             Light::Beam(l) => l.emission.radiance.memory_bytes(),
             Light::EnvMap(l) => l.memory_bytes(),
+            Light::SunSky(l) => l.memory_bytes(),
             Light::Point(_) | Light::Directional(_) | Light::Constant(_) => 0,
         }
     }
@@ -261,6 +278,7 @@ impl Light {
             Light::Directional(_) => "directional",
             Light::Constant(_) => "constant",
             Light::EnvMap(_) => "envmap",
+            Light::SunSky(_) => "sunsky",
         }
     }
 
@@ -271,6 +289,7 @@ impl Light {
         let integral = match self {
             Light::Constant(l) => return l.radiance,
             Light::EnvMap(l) => l.radiance_integral(),
+            Light::SunSky(l) => l.radiance_integral(),
             _ => 0.0,
         };
         Rgb::splat((integral / (4.0 * std::f64::consts::PI)) as f32)
@@ -287,6 +306,7 @@ impl Light {
             Light::Directional(l) => l.normal_irradiance(),
             Light::Constant(l) => l.radiance_integral() / whole,
             Light::EnvMap(l) => l.radiance_integral() / whole,
+            Light::SunSky(l) => l.radiance_integral() / whole,
             Light::Point(_) | Light::Spot(_) | Light::Projector(_) => {
                 self.power(scene_radius) / (whole * scene_radius * scene_radius)
             }

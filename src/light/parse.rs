@@ -4,7 +4,7 @@ use glam::DMat3;
 
 use super::envmap::EnvOptions;
 use super::spot::Cone;
-use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot};
+use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot, sky_parse};
 use crate::desc::{Error, ObjectId, Params, Result, SceneDesc};
 use crate::math::{DVec3, Rgb, Transform};
 use crate::texture::{Texture, Usage, texture_param, texture_param_opt};
@@ -25,6 +25,7 @@ pub fn emitter_from_desc(scene: &SceneDesc, id: ObjectId, recentre: DVec3) -> Re
             Constant { radiance: colour(&params, "radiance")?, weight }.into()
         }
         "envmap" => envmap(&params, weight)?.into(),
+        "sunsky" => sky_parse::sun_sky(&params, weight)?.into(),
         name @ ("area" | "directionalarea") => {
             return Err(params
                 .error(format!("emitter `{name}` must stand inside a shape"))
@@ -68,7 +69,11 @@ fn weight(params: &Params) -> Result<f32> {
 
 /// A colour that does not vary, default 1.
 fn colour(params: &Params, name: &'static str) -> Result<Rgb> {
-    match texture_param(params, name, Rgb::ONE, Usage::Radiance)? {
+    colour_of(params, name, Rgb::ONE, Usage::Radiance)
+}
+
+pub(super) fn colour_of(params: &Params, name: &'static str, default: Rgb, usage: Usage) -> Result<Rgb> {
+    match texture_param(params, name, default, usage)? {
         Texture::Constant(c) => Ok(c),
         _ => {
             let plugin = &params.object().plugin;
@@ -175,12 +180,15 @@ fn envmap(params: &Params, weight: f32) -> Result<EnvMap> {
 }
 
 /// The linear part of `to_world`, made exactly orthonormal.
-fn rotation(params: &Params) -> Result<DMat3> {
+pub(super) fn rotation(params: &Params) -> Result<DMat3> {
     let m = DMat3::from_mat4(params.transform("to_world")?.matrix);
     let off = m.transpose() * m - DMat3::IDENTITY;
     if off.to_cols_array().iter().any(|x| !(x.abs() < 1e-3)) {
         return Err(params
-            .error_at("to_world", "`to_world` of emitter `envmap` must not scale")
+            .error_at(
+                "to_world",
+                format!("`to_world` of emitter `{}` must not scale", params.object().plugin),
+            )
             .hint("it may rotate and mirror"));
     }
     // Gram–Schmidt; the handedness stays.

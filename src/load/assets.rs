@@ -8,8 +8,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::parse::Parsed;
-use super::{LoadOptions, files, image_file, obj, ply, serialized};
-use crate::desc::{Category, Image, Mesh, ObjectId, Param, Params, Pos, Result, Value};
+use super::{LoadOptions, files, image_file, lenient, obj, ply, serialized};
+use crate::desc::{Category, Image, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value};
 
 /// A mesh file's format and the parameters that change how it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -57,7 +57,14 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
     let mut known: HashMap<(PathBuf, Request), usize> = HashMap::new();
     let mut users: Vec<(ObjectId, usize, Pos)> = Vec::new();
     for id in 0..parsed.scene.objects.len() as ObjectId {
-        let Some(job) = job_of(parsed, id)? else { continue };
+        let job = match job_of(parsed, id) {
+            Ok(Some(job)) => job,
+            Ok(None) => continue,
+            Err(error) => {
+                lenient::without_file(&mut parsed.scene, id, error)?;
+                continue;
+            }
+        };
         let (key, pos) = ((files::canonical(&job.path), job.request), job.pos);
         let index = *known.entry(key).or_insert(jobs.len());
         if index == jobs.len() {
@@ -70,31 +77,44 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
     let mut values = Vec::with_capacity(jobs.len());
     for (job, result) in jobs.iter().zip(results) {
         let file = parsed.scene.files[job.pos.file as usize].clone();
-        let (decoded, warnings) = result.map_err(|e| e.at(file, job.pos))?;
-        parsed.scene.warnings.extend(warnings);
-        values.push(match decoded {
-            Decoded::Mesh(mesh) => {
-                parsed.scene.meshes.push(Arc::new(mesh));
-                Value::Mesh(parsed.scene.meshes.len() as u32 - 1)
-            }
-            Decoded::Image(image) => {
-                parsed.scene.images.push(Arc::new(image));
-                Value::Image(parsed.scene.images.len() as u32 - 1)
-            }
-        });
+        values.push(result.map_err(|e| e.at(file, job.pos)).map(|(decoded, warnings)| {
+            parsed.scene.warnings.extend(warnings);
+            keep(&mut parsed.scene, decoded)
+        }));
     }
 
     for (id, index, pos) in users {
+        let value = match &values[index] {
+            Ok(value) => value.clone(),
+            Err(error) => {
+                lenient::without_file(&mut parsed.scene, id, error.clone())?;
+                continue;
+            }
+        };
         let params = &mut parsed.scene.objects[id as usize].params;
-        let name = if let Value::Mesh(_) = values[index] {
+        let name = if let Value::Mesh(_) = value {
             params.retain(|p| !["filename", "flip_tex_coords", "shape_index"].contains(&p.name.as_str()));
             "mesh"
         } else {
             "image"
         };
-        params.push(Param { name: name.into(), value: values[index].clone(), pos });
+        params.push(Param { name: name.into(), value, pos });
     }
     Ok(())
+}
+
+/// Puts what was decoded into the scene.
+fn keep(scene: &mut SceneDesc, decoded: Decoded) -> Value {
+    match decoded {
+        Decoded::Mesh(mesh) => {
+            scene.meshes.push(Arc::new(mesh));
+            Value::Mesh(scene.meshes.len() as u32 - 1)
+        }
+        Decoded::Image(image) => {
+            scene.images.push(Arc::new(image));
+            Value::Image(scene.images.len() as u32 - 1)
+        }
+    }
 }
 
 fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {

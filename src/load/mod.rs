@@ -2,10 +2,11 @@
 //!
 //! [`load`] reads a glTF file by its ending (`gltf`, `glb`), and anything else
 //! as XML, in four steps. (1) The XML of the file and of its
-//! includes becomes objects and parameters, with `$name` replaced and files
-//! older than 2.0 spelled anew. (2) References become object ids; cycles and
-//! unknown ids are errors. (3) The files that shapes, textures and emitters
-//! name are found, and each is decoded once, in parallel. (4) What was decoded
+//! includes becomes objects and parameters, with `$name` replaced. (2)
+//! References become object ids, cycles and unknown ids are errors; and files
+//! older than 2.0 are brought to today's kinds and parameters. (3) The files
+//! that shapes, textures and emitters name are found, and each is decoded
+//! once, in parallel. (4) What was decoded
 //! is attached to the objects: a `mesh` to shapes `obj`, `ply` and
 //! `serialized` (whose `filename`, `flip_tex_coords` and `shape_index` are
 //! thereby used up), an `image` to `bitmap` textures and `envmap` emitters
@@ -21,7 +22,13 @@ mod exr_file;
 mod files;
 mod gltf;
 mod image_file;
+mod lenient;
 mod obj;
+mod old;
+mod old_bsdfs;
+mod old_emitters;
+mod old_kinds;
+mod old_values;
 mod parse;
 mod picture;
 mod ply;
@@ -69,6 +76,9 @@ pub struct LoadOptions {
     pub fps: f64,
     /// When the shutter opens and closes, in frames after `frame`.
     pub shutter: Option<[f64; 2]>,
+    /// Replaces what is not known or not there, and says so: see
+    /// [`SceneDesc::replacements`].
+    pub lenient: bool,
 }
 
 impl Default for LoadOptions {
@@ -86,6 +96,7 @@ impl Default for LoadOptions {
             frame: None,
             fps: 24.0,
             shutter: None,
+            lenient: false,
         }
     }
 }
@@ -156,6 +167,7 @@ fn finish(mut parsed: parse::Parsed, options: &LoadOptions) -> Result<SceneDesc>
     references::resolve(&mut parsed)?;
     upgrade::upgrade(&mut parsed)?;
     stage::apply(&mut parsed.scene, options)?;
+    lenient::replace_unknown(&mut parsed.scene)?;
     assets::decode(&mut parsed, options)?;
     Ok(parsed.scene)
 }

@@ -13,7 +13,7 @@ use super::transform;
 use super::values;
 use super::xml::{Source, Tag};
 use super::{LoadOptions, files};
-use crate::desc::{Category, Error, Object, ObjectId, Param, Pos, Result, SceneDesc, Value};
+use crate::desc::{Category, Error, Leniency, Object, ObjectId, Param, Pos, Result, SceneDesc, Value};
 use crate::math::{Motion, Transform};
 
 /// Includes within includes; Mitsuba 3 has the same limit.
@@ -65,6 +65,8 @@ pub struct Pending {
 
 /// A version as written, `major.minor.patch`.
 pub type Version = [u32; 3];
+/// The first version whose spellings are today's.
+pub const MITSUBA_2: Version = [2, 0, 0];
 
 /// What reading the XML gives.
 #[derive(Default)]
@@ -83,8 +85,9 @@ pub struct Parsed {
 
 /// Reads the XML of a scene.
 pub fn parse_scene(root: Root, options: &LoadOptions) -> Result<Parsed> {
+    let leniency = if options.lenient { Leniency::lenient() } else { Leniency::default() };
     let mut parser = Parser {
-        out: Parsed::default(),
+        out: Parsed { scene: SceneDesc { leniency, ..SceneDesc::default() }, ..Parsed::default() },
         parameters: Parameters::new(&options.defines)?,
         stack: root.path.map(files::canonical).into_iter().collect(),
         bytes: 0,
@@ -133,7 +136,13 @@ impl Parser {
         let document = source.document()?;
         let root = document.root_element();
         let tag = Tag::new(&source, root, &mut self.parameters)?;
-        let version = version(&tag)?;
+        let version = match version(&tag) {
+            Ok(version) => version,
+            Err(error) => {
+                self.out.scene.replace(error, "read as version 0.6.0")?;
+                [0, 6, 0]
+            }
+        };
         self.out.versions.push(version);
         match attach {
             Attach::Root => {
@@ -194,6 +203,9 @@ impl Parser {
         if tag.name == "animation" {
             return self.animation(source, node, &tag, place.owner);
         }
+        if is_unknown(&tag, self.is_old(source)) {
+            return self.out.scene.replace(unknown_tag(&tag), "left out");
+        }
         if let Some(child) = node.children().find(Node::is_element) {
             let child = Tag::new(source, child, &mut self.parameters)?;
             return Err(child.error(format!("`<{}>` cannot stand inside `<{}>`", child.name, tag.name)));
@@ -204,13 +216,18 @@ impl Parser {
             "default" => self.default(&tag),
             "alias" => self.alias(&tag),
             "path" => self.resource_dir(&tag, place.top),
-            name if values::VALUE_TAGS.contains(&name) => {
-                let value = values::value(&tag, &self.out.search[source.file as usize])?;
+            _ => {
+                let dirs = &self.out.search[source.file as usize];
+                let value = values::value(&tag, values::Reading { dirs, old: self.is_old(source) })?;
                 let name = parameter_name(&tag)?;
                 self.push(&tag, place.owner, name, value)
             }
-            _ => Err(unknown_tag(&tag)),
         }
+    }
+
+    /// True where the spellings of Mitsuba 0.x are read.
+    fn is_old(&self, source: &Source) -> bool {
+        self.out.scene.leniency.is_lenient() || self.out.versions[source.file as usize] < MITSUBA_2
     }
 
     /// An object and all inside it. Without a place it is the scene.
@@ -314,7 +331,8 @@ impl Parser {
                     inner.error(format!("`<{}>` cannot stand inside `<{}>`", inner.name, operation.name))
                 );
             }
-            composed = transform::operation(&operation, &mut self.out.scene.warnings)?.after(&composed);
+            let old = self.is_old(source);
+            composed = transform::operation(&operation, old, &mut self.out.scene.warnings)?.after(&composed);
         }
         if !(composed.matrix.is_finite() && composed.inverse.is_finite()) {
             return Err(tag.error("the transform is too extreme to be undone"));
@@ -390,6 +408,12 @@ impl Parser {
         self.stack.pop();
         Ok(())
     }
+}
+
+/// True for a tag that is neither an object's nor any other that can stand in one.
+fn is_unknown(tag: &Tag, old: bool) -> bool {
+    let known = ["include", "ref", "default", "alias", "path"];
+    !known.contains(&tag.name) && !values::is_value(tag.name, old)
 }
 
 fn category(tag: &str) -> Option<Category> {

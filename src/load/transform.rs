@@ -9,8 +9,9 @@ use crate::math::{DMat4, DVec3, Transform};
 /// Tags allowed inside `<transform>`.
 pub const OPERATIONS: &[&str] = &["translate", "rotate", "scale", "lookat", "matrix"];
 
-/// One operation as a transform; warnings go to `warnings`.
-pub fn operation(tag: &Tag, warnings: &mut Vec<String>) -> Result<Transform> {
+/// One operation as a transform; warnings go to `warnings`. `old` spellings
+/// are those of Mitsuba 0.x.
+pub fn operation(tag: &Tag, old: bool, warnings: &mut Vec<String>) -> Result<Transform> {
     match tag.name {
         "translate" => {
             tag.only(&["x", "y", "z", "value"])?;
@@ -26,6 +27,7 @@ pub fn operation(tag: &Tag, warnings: &mut Vec<String>) -> Result<Transform> {
         }
         "rotate" => rotate(tag, warnings),
         "lookat" => look_at(tag),
+        "lookAt" if old => look_at(tag),
         "matrix" => matrix(tag, warnings),
         _ => Err(tag
             .error(format!("unknown tag `<{}>` inside `<transform>`", tag.name))

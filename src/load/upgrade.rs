@@ -1,28 +1,68 @@
-//! Files older than 2.0: what Mitsuba 3 itself renames in them.
+//! Files older than 2.0: parameters as Mitsuba 3 itself renames them, and
+//! kinds that are called or made otherwise today.
 
-use super::parse::Parsed;
-use crate::desc::{Param, Result, Value};
+use super::old::Old;
+use super::parse::{MITSUBA_2, Parsed};
+use super::{old_bsdfs, old_emitters, old_kinds};
+use crate::desc::{Category, ObjectId, Param, Result, Value};
 use crate::math::{DVec3, Transform};
 
-/// Spells the parameters of old files anew: `toWorld` → `to_world`,
-/// `diffuse_reflectance` of `diffuse` → `reflectance`, `uoffset`, `voffset`,
-/// `uscale`, `vscale` → `to_uv`.
+/// Brings the objects of old files to today's kinds and parameters: `toWorld`
+/// → `to_world`, `diffuse_reflectance` of `diffuse` → `reflectance`,
+/// `uoffset`, `voffset`, `uscale`, `vscale` → `to_uv`, `mixturebsdf` →
+/// `blendbsdf`, and so on. What has no equal is an error that names the
+/// nearest, or with leniency a note.
 pub fn upgrade(parsed: &mut Parsed) -> Result<()> {
-    for index in 0..parsed.scene.objects.len() {
-        let object = &mut parsed.scene.objects[index];
-        if parsed.versions[object.pos.file as usize] >= [2, 0, 0] {
-            continue;
+    let is_old = |parsed: &Parsed, id: ObjectId| {
+        parsed.versions[parsed.scene.object(id).pos.file as usize] < MITSUBA_2
+    };
+    let old: Vec<ObjectId> =
+        (0..parsed.scene.objects.len() as ObjectId).filter(|id| is_old(parsed, *id)).collect();
+    for id in &old {
+        names(parsed, *id as usize)?;
+    }
+    for id in &old {
+        kind(&mut Old { scene: &mut parsed.scene, id: *id })?;
+    }
+    // Last: it may become a copy of the texture within.
+    for id in old {
+        let mut texture = Old { scene: &mut parsed.scene, id };
+        if texture.category() == Category::Texture && texture.plugin() == "scale" {
+            old_kinds::scaled_texture(&mut texture)?;
         }
-        for param in &mut object.params {
-            param.name = snake_case(&param.name);
-            if object.plugin == "diffuse" && param.name == "diffuse_reflectance" {
-                param.name = "reflectance".into();
-            }
-        }
-        texture_transform(&mut object.params);
-        check_twice(parsed, index)?;
     }
     Ok(())
+}
+
+fn names(parsed: &mut Parsed, index: usize) -> Result<()> {
+    let object = &mut parsed.scene.objects[index];
+    for param in &mut object.params {
+        param.name = snake_case(&param.name);
+        if object.plugin == "diffuse" && param.name == "diffuse_reflectance" {
+            param.name = "reflectance".into();
+        }
+    }
+    texture_transform(&mut object.params);
+    check_twice(parsed, index)
+}
+
+fn kind(old: &mut Old) -> Result<()> {
+    match old.category() {
+        Category::Bsdf => old_bsdfs::upgrade(old),
+        Category::Emitter => old_emitters::upgrade(old),
+        Category::Integrator => old_kinds::integrator(old),
+        Category::Texture => old_kinds::texture(old),
+        Category::Shape => old_kinds::shape(old),
+        Category::Sampler => {
+            old_kinds::sampler(old);
+            Ok(())
+        }
+        Category::Film => {
+            old_kinds::film(old);
+            Ok(())
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_twice(parsed: &Parsed, index: usize) -> Result<()> {

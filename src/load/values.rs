@@ -1,6 +1,7 @@
 //! The value tags: numbers, words, colours, spectra, points.
 
 use super::files;
+use super::old_values;
 use super::xml::{Attribute, Tag};
 use crate::desc::{Error, Result, Value};
 use crate::math::DVec3;
@@ -9,14 +10,33 @@ use crate::math::DVec3;
 pub const VALUE_TAGS: &[&str] =
     &["boolean", "integer", "float", "string", "rgb", "spectrum", "point", "vector"];
 
-/// Reads the value of a value tag, files in `dirs`.
-pub fn value(tag: &Tag, dirs: &[std::path::PathBuf]) -> Result<Value> {
+/// How to read value tags.
+#[derive(Clone, Copy, Debug)]
+pub struct Reading<'a> {
+    /// Where files are looked for.
+    pub dirs: &'a [std::path::PathBuf],
+    /// The spellings of Mitsuba 0.x are read too.
+    pub old: bool,
+}
+
+/// True for a tag that holds one value.
+pub fn is_value(name: &str, old: bool) -> bool {
+    VALUE_TAGS.contains(&name) || old && old_values::TAGS.contains(&name)
+}
+
+/// Reads the value of a value tag.
+pub fn value(tag: &Tag, reading: Reading) -> Result<Value> {
+    if reading.old
+        && let Some(value) = old_values::value(tag)?
+    {
+        return Ok(value);
+    }
     match tag.name {
         "point" | "vector" => {
             tag.only(&["name", "x", "y", "z", "value"])?;
             return Ok(Value::Vector(triple(tag, None)?));
         }
-        "spectrum" => return spectrum(tag, dirs),
+        "spectrum" => return spectrum(tag, reading.dirs),
         _ => tag.only(&["name", "value"])?,
     }
     let attribute = tag.need("value")?;
@@ -36,7 +56,7 @@ pub fn value(tag: &Tag, dirs: &[std::path::PathBuf]) -> Result<Value> {
 }
 
 /// "`fov` must be a number, found `4o`", at the value.
-fn expected(tag: &Tag, attribute: &Attribute, what: &str, found: &str) -> Error {
+pub fn expected(tag: &Tag, attribute: &Attribute, what: &str, found: &str) -> Error {
     let name = match tag.get("name") {
         Some(name) if attribute.name == "value" => &name.value,
         _ => attribute.name,
@@ -57,8 +77,13 @@ pub fn scalar(tag: &Tag, attribute: &Attribute) -> Result<f64> {
 
 /// Finite numbers between commas and white space.
 pub fn numbers(tag: &Tag, attribute: &Attribute) -> Result<Vec<f64>> {
-    let words = attribute.value.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty());
-    words.map(|w| number(w).ok_or_else(|| expected(tag, attribute, "finite numbers", w))).collect()
+    let number = |w| number(w).ok_or_else(|| expected(tag, attribute, "finite numbers", w));
+    words(attribute).map(number).collect()
+}
+
+/// What stands between commas and white space.
+pub fn words<'a>(attribute: &'a Attribute) -> impl Iterator<Item = &'a str> {
+    attribute.value.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty())
 }
 
 /// `x`, `y`, `z`, or all three as `value` (1 or 3 numbers). Without a default
@@ -121,8 +146,7 @@ fn spectrum(tag: &Tag, dirs: &[std::path::PathBuf]) -> Result<Value> {
 
 /// A single number, or `wavelength:value` pairs.
 fn spectrum_value(tag: &Tag, attribute: &Attribute) -> Result<Value> {
-    let words: Vec<&str> =
-        attribute.value.split(|c: char| c == ',' || c.is_whitespace()).filter(|w| !w.is_empty()).collect();
+    let words: Vec<&str> = words(attribute).collect();
     if words.len() == 1 && !words[0].contains(':') {
         return Ok(Value::Float(scalar(tag, attribute)?));
     }

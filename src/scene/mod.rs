@@ -12,6 +12,7 @@ mod shapes;
 
 pub use plan::Plan;
 pub use select::{Candidates, Choice, LightSelection};
+pub use shapes::SHAPES;
 
 use std::sync::Arc;
 

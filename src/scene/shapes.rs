@@ -12,7 +12,7 @@ use crate::math::{DVec3, Motion, Transform};
 use crate::shape::{MeshOptions, ShapeId};
 
 /// Scene-file names of all shapes.
-const SHAPES: &[&str] = &[
+pub const SHAPES: &[&str] = &[
     "obj",
     "ply",
     "serialized",

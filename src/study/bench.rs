@@ -419,7 +419,8 @@ impl Built {
             defines.push((name.clone(), value));
         }
         defines.extend(configuration.defines());
-        let desc = load(&plan.file, &LoadOptions { defines, ..LoadOptions::default() })?;
+        let options = LoadOptions { defines, lenient: plan.lenient, ..LoadOptions::default() };
+        let desc = load(&plan.file, &options)?;
         desc.warnings.iter().for_each(|w| watch.warn(w));
         let options = BuildOptions {
             size: plan.size,
@@ -429,6 +430,7 @@ impl Built {
         };
         let scene = Scene::build(&desc, &options)?;
         let own = Integrator::from_desc(&desc, &IntegratorOptions::default())?;
+        desc.new_replacements().iter().for_each(|r| watch.warn(r));
         Ok(Built {
             scene,
             hash: desc.content_hash(),

@@ -132,6 +132,9 @@ pub struct ScenePlan {
     /// Regions that are measured apart.
     #[serde(default)]
     pub regions: BTreeMap<String, Region>,
+    /// Go on where something is not known or not there.
+    #[serde(default)]
+    pub lenient: bool,
 }
 
 /// Part of a picture.

@@ -1,0 +1,204 @@
+//! Integrators, films, samplers, textures and shapes of Mitsuba 0.x as those
+//! of today.
+
+use super::old::{Old, colour};
+use crate::desc::{Category, Result, Value};
+use crate::integrator;
+
+/// Integrators that without participating media are a plain `path`.
+const PATHS: &[&str] = &["volpath", "volpath_simple", "volpathmis"];
+
+/// A `<integrator>`.
+pub fn integrator(old: &mut Old) -> Result<()> {
+    if old.take_bool("strict_normals") == Some(true) {
+        old.warn(
+            "`strictNormals` has no counterpart: light stays that the geometric and the shading normal \
+             do not agree on",
+        );
+    }
+    match old.plugin().as_str() {
+        name if PATHS.contains(&name) => old.become_plugin("path"),
+        "ao" => {
+            old.forget(&["shading_samples"]);
+            match old.get("ray_length").and_then(|p| super::old::number(&p.value)) {
+                Some(length) if length < 0.0 => {
+                    old.replace("integrator `ao` needs a `ray_length`", "replaced by no limit")?;
+                    old.take("ray_length");
+                }
+                _ => old.rename("ray_length", "distance"),
+            }
+        }
+        name if !integrator::NAMES.contains(&name) => {
+            let message = format!("integrator `{name}` is not known; `path` makes the picture its own way");
+            old.replace(message, "replaced by `path`")?;
+            plain_path(old);
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+/// Makes an integrator a path tracer with the limits that it has itself, or
+/// that one within has.
+pub fn plain_path(old: &mut Old) {
+    const LIMITS: [&str; 3] = ["max_depth", "rr_depth", "hide_emitters"];
+    if let [inner] = old.children(Category::Integrator)[..] {
+        let inner = old.scene.object(inner).params.clone();
+        for param in inner.into_iter().filter(|p| LIMITS.contains(&p.name.as_str())) {
+            old.set(&param.name, param.value);
+        }
+    }
+    old.keep(&LIMITS);
+    old.become_plugin("path");
+}
+
+/// A `<sampler>`: ours have the dimensions they need.
+pub fn sampler(old: &mut Old) {
+    old.forget(&["dimension", "scramble"]);
+}
+
+/// A `<film>`: what is written where and how is the command line's.
+pub fn film(old: &mut Old) {
+    const TONE: [&str; 6] = ["tonemap_method", "tone_mapping_method", "gamma", "exposure", "key", "burn"];
+    if ["ldrfilm", "pngfilm"].contains(&old.plugin().as_str()) {
+        old.warn("film `ldrfilm` becomes `hdrfilm`: tone mapping is left to --exposure and --tone");
+    }
+    if ["ldrfilm", "pngfilm", "tiledhdrfilm", "exrfilm", "mfilm"].contains(&old.plugin().as_str()) {
+        old.become_plugin("hdrfilm");
+    }
+    old.forget(&TONE);
+    old.forget(&["attach_log", "banner", "file_format", "digits", "variable", "channel_names"]);
+    let params = &mut old.scene.objects[old.id as usize].params;
+    params.retain(|p| !p.name.starts_with("label[") && !p.name.starts_with("metadata["));
+    old.rename("high_quality_edges", "sample_border");
+    if let Some(alpha) = old.take_bool("alpha") {
+        old.set("pixel_format", Value::String(if alpha { "rgba" } else { "rgb" }.into()));
+    }
+    if let Some(format) = old.word("pixel_format").map(str::to_lowercase) {
+        let alpha = format.contains("alpha") || format.contains("rgba") || format.contains("xyza");
+        old.set("pixel_format", Value::String(if alpha { "rgba" } else { "rgb" }.into()));
+    }
+    let format = old.word("component_format").map(str::to_lowercase);
+    if format.is_some_and(|f| f != "float16" && f != "float32") {
+        old.take("component_format");
+    }
+}
+
+/// A `<texture>`, any but `scale`.
+pub fn texture(old: &mut Old) -> Result<()> {
+    match old.plugin().as_str() {
+        "bitmap" => bitmap(old)?,
+        "ldrtexture" | "exrtexture" => {
+            old.become_plugin("bitmap");
+            bitmap(old)?;
+        }
+        "vertexcolors" => {
+            old.become_plugin("mesh_attribute");
+            old.set("name", Value::String("vertex_color".into()));
+        }
+        "gridtexture" => {
+            old.replace("texture `gridtexture` is not known", "replaced by its colour between the lines")?;
+            let between = old.take("color0").and_then(|p| colour(&p.value)).unwrap_or([0.2; 3]);
+            old.keep(&[]);
+            old.become_plugin("rgb");
+            old.set("value", Value::Rgb(between));
+        }
+        _ => {}
+    }
+    Ok(())
+}
+
+fn bitmap(old: &mut Old) -> Result<()> {
+    old.forget(&["max_anisotropy", "cache"]);
+    // They differ in how fine detail is smoothed, which many samples do too.
+    if matches!(old.word("filter_type"), Some("ewa" | "trilinear")) {
+        old.take("filter_type");
+    }
+    let modes = ["wrap_mode", "wrap_mode_u", "wrap_mode_v"].map(|name| old.word(name).map(str::to_owned));
+    let [both, u, v] = &modes;
+    let (u, v) = (u.as_ref().or(both.as_ref()), v.as_ref().or(both.as_ref()));
+    let mut mode = u.or(v).cloned();
+    let default = "repeat".to_owned();
+    if u.unwrap_or(&default) != v.unwrap_or(&default) {
+        let taken = u.unwrap_or(&default);
+        old.replace(
+            "a texture repeats alike along u and v here",
+            &format!("replaced by `{taken}` along both"),
+        )?;
+        mode = Some(taken.clone());
+    }
+    if let Some(word) = mode.as_deref().filter(|m| ["zero", "one", "black", "white"].contains(m)) {
+        old.replace(format!("`wrap_mode` has no value `{word}`"), "replaced by `clamp`")?;
+        mode = Some("clamp".into());
+    }
+    old.forget(&["wrap_mode", "wrap_mode_u", "wrap_mode_v"]);
+    if let Some(mode) = mode {
+        old.set("wrap_mode", Value::String(mode));
+    }
+    match old.take_number("gamma") {
+        Some(1.0) => old.set("raw", Value::Bool(true)),
+        Some(gamma) if gamma > 0.0 => {
+            let message = format!("a texture is linear or sRGB here, not of gamma {gamma}");
+            old.replace(message, "replaced by sRGB")?;
+        }
+        _ => {}
+    }
+    if old.has("channel") {
+        old.replace("a single channel of an image cannot be read", "replaced by all of them")?;
+        old.take("channel");
+    }
+    Ok(())
+}
+
+/// The texture `scale`: the product, where it is one of colours.
+pub fn scaled_texture(old: &mut Old) -> Result<()> {
+    let factor = old.take("scale").map_or(Some([1.0; 3]), |p| colour(&p.value));
+    let inner = old.children(Category::Texture).first().copied();
+    let plain = old.get("value").and_then(|p| colour(&p.value));
+    if let (Some(factor), Some(value)) = (factor, plain) {
+        old.keep(&[]);
+        old.become_plugin("rgb");
+        old.set("value", Value::Rgb([0, 1, 2].map(|i| factor[i] * value[i])));
+        return Ok(());
+    }
+    let Some(inner) = inner else {
+        return Err(old.scene.error(old.pos(), "texture `scale` needs something to scale"));
+    };
+    if factor != Some([1.0; 3]) {
+        old.replace("a texture cannot be scaled", "replaced by the texture as it is")?;
+    }
+    let inner = old.scene.object(inner).clone();
+    let object = &mut old.scene.objects[old.id as usize];
+    (object.plugin, object.params) = (inner.plugin, inner.params);
+    Ok(())
+}
+
+/// A `<shape>`.
+pub fn shape(old: &mut Old) -> Result<()> {
+    match old.plugin().as_str() {
+        "obj" | "ply" | "serialized" => {
+            old.forget(&["collapse"]);
+            if let Some(angle) = old.take_number("max_smooth_angle") {
+                if angle != 0.0 {
+                    old.replace("normals cannot be split by an angle", "left with the normals of the file")?;
+                } else {
+                    old.set("face_normals", Value::Bool(true));
+                }
+            }
+        }
+        // Leniency leaves it out with all that is unknown.
+        name @ ("hair" | "heightfield" | "deformable" | "animatedinstance")
+            if !old.scene.leniency.is_lenient() =>
+        {
+            old.replace(format!("shape `{name}` is not supported"), "left out")?;
+        }
+        _ => {}
+    }
+    // What only bounds a medium was invisible.
+    let bounds_medium = !old.children(Category::Medium).is_empty();
+    if bounds_medium && old.children(Category::Bsdf).is_empty() {
+        let null = old.add(Category::Bsdf, "null", Vec::new());
+        old.nest(null);
+    }
+    Ok(())
+}
