@@ -164,9 +164,11 @@ fn weight_is_eval_over_pdf() {
 fn light_may_go_either_way() {
     let mut rng = Pcg64::seed_from_u64(11);
     let mut checked = 0;
-    for (name, bsdf) in examples() {
+    // A coat in a frame of its own is weighed by its own cosine.
+    for (name, bsdf) in examples().into_iter().filter(|(name, _)| !name.contains("own normal")) {
         let inside = match bsdf {
             Bsdf::RoughDielectric(b) => b.eta,
+            Bsdf::Layered(b) => b.eta(),
             _ => 1.0,
         };
         for _ in 0..300 {
@@ -199,6 +201,9 @@ fn light_may_go_either_way() {
 
 /// Mean weight without radiance scaling: the fraction of light scattered.
 fn albedo(bsdf: &Bsdf, wo: Vec3) -> Rgb {
+    if matches!(bsdf, Bsdf::MetalRough(_) | Bsdf::Layered(_)) {
+        return grazing_albedo(bsdf, wo);
+    }
     // Rare lobes need more.
     let n = if matches!(bsdf, Bsdf::Plastic(_)) { 32_768 } else { 8192 };
     let sum = points(n)
@@ -206,6 +211,41 @@ fn albedo(bsdf: &Bsdf, wo: Vec3) -> Rgb {
         .map(|s: BsdfSample| (s.weight * (s.eta * s.eta)).as_dvec3())
         .sum::<glam::DVec3>();
     (sum / f64::from(n)).as_vec3()
+}
+
+/// The same where a wide lobe is highest at grazing: directions are also drawn
+/// from there, and the two weighed by the balance heuristic.
+fn grazing_albedo(bsdf: &Bsdf, wo: Vec3) -> Rgb {
+    const N: u32 = 65_536;
+    let inside = match bsdf {
+        Bsdf::Layered(b) => b.eta(),
+        _ => 1.0,
+    };
+    let eta2 = |wi: Vec3| match (wo.z > 0.0, wi.z > 0.0) {
+        (true, false) => inside * inside,
+        (false, true) => 1.0 / (inside * inside),
+        _ => 1.0,
+    };
+    // cos = t³, on both sides.
+    let density = |wi: Vec3| 1.0 / (12.0 * std::f32::consts::PI * wi.z.abs().max(1e-18).powf(2.0 / 3.0));
+    let weighed = |wi: Vec3| {
+        let (f, pdf) = bsdf.eval_pdf(wo, wi);
+        let all = pdf + density(wi);
+        if all.is_finite() && all > 0.0 { (f * (eta2(wi) / all)).as_dvec3() } else { glam::DVec3::ZERO }
+    };
+    let mut sum = glam::DVec3::ZERO;
+    for (l, u) in points(N) {
+        sum += match bsdf.sample(wo, l, u) {
+            None => glam::DVec3::ZERO,
+            Some(s) if s.delta => (s.weight * (s.eta * s.eta)).as_dvec3(),
+            Some(s) => weighed(s.wi),
+        };
+        let z = u.x.powi(3) * if l < 0.5 { 1.0 } else { -1.0 };
+        let (sin, cos) = (u.y * std::f32::consts::TAU).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        sum += weighed(Vec3::new(r * cos, r * sin, z));
+    }
+    (sum / f64::from(N)).as_vec3()
 }
 
 #[test]
@@ -227,6 +267,13 @@ fn no_more_light_leaves_than_comes() {
                 Bsdf::Plastic(_) => Some(bsdf.albedo(direction(theta, 40.0))),
                 _ => None,
             };
+            // What compensates lost energy is tabulated: coarsely at grazing, and
+            // at the critical angle of solids.
+            let lossless = name.starts_with("gltf white") || name.starts_with("gltf lossless");
+            let coarse = (theta - 90.0f32).abs() < 0.1 || name.contains("solid");
+            if lossless && a.min_element() < 1.0 - if coarse { 3e-3 } else { 2e-3 } {
+                failures.push(format!("{name} at {theta}°: {a} is lossy"));
+            }
             if a.max_element() > 1.0 + 5e-4 || !(a.min_element() >= 0.0) {
                 failures.push(format!("{name} at {theta}°: {a}"));
             }

@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use Distribution::{Beckmann, Ggx};
 
-type Named = Vec<(String, Bsdf<'static>)>;
+pub(super) type Named = Vec<(String, Bsdf<'static>)>;
 
 pub(super) fn examples() -> Named {
     let mut list = vec![("null".to_string(), Null.into())];
@@ -23,6 +23,7 @@ pub(super) fn examples() -> Named {
     conductors(&mut list);
     plastics(&mut list);
     rough_plastics(&mut list);
+    super::examples_gltf::push(&mut list);
     list
 }
 

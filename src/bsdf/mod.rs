@@ -16,8 +16,15 @@ mod coat;
 mod conductor;
 mod dielectric;
 mod diffuse;
+mod energy;
+mod energy_coat;
+mod energy_glass;
 mod examples;
+mod examples_gltf;
+mod film;
 pub mod fresnel;
+mod layered;
+mod metal_rough;
 pub mod microfacet;
 mod null;
 mod plastic;
@@ -25,6 +32,7 @@ mod quadrature;
 mod rough_conductor;
 mod rough_dielectric;
 mod rough_plastic;
+mod sheen;
 mod slopes;
 mod thin_dielectric;
 
@@ -32,6 +40,10 @@ pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use energy_glass::GlassTable;
+pub use film::Film;
+pub use layered::{Layered, Layers};
+pub use metal_rough::{MetalRough, Substance};
 pub use microfacet::{Distribution, Microfacet};
 pub use null::Null;
 pub use plastic::Plastic;
@@ -63,6 +75,10 @@ kinds! {
         Plastic(Plastic) = ["plastic"],
         /// Rough dielectric coat on a diffuse base.
         RoughPlastic(RoughPlastic<'a>) = ["roughplastic"],
+        /// The core of a glTF surface. Large, so it lies elsewhere.
+        MetalRough(&'a MetalRough) = ["gltf"],
+        /// A glTF surface with layers.
+        Layered(&'a Layered<'a>) = ["gltf"],
         /// Nothing at all: light passes.
         Null(Null) = ["null"],
     }
@@ -116,6 +132,8 @@ macro_rules! each {
             Bsdf::RoughConductor($kind) => $body,
             Bsdf::Plastic($kind) => $body,
             Bsdf::RoughPlastic($kind) => $body,
+            Bsdf::MetalRough($kind) => $body,
+            Bsdf::Layered($kind) => $body,
             Bsdf::Null($kind) => $body,
         }
     };
@@ -157,6 +175,8 @@ impl Bsdf<'_> {
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::Conductor(_) | Bsdf::Null(_) => true,
             Bsdf::RoughConductor(kind) => kind.distribution.is_delta(),
             Bsdf::RoughDielectric(kind) => kind.is_delta_only(),
+            Bsdf::MetalRough(kind) => kind.is_delta_only(),
+            Bsdf::Layered(kind) => kind.is_delta_only(),
         }
     }
 
@@ -168,7 +188,9 @@ impl Bsdf<'_> {
             | Bsdf::ThinDielectric(_)
             | Bsdf::RoughDielectric(_)
             | Bsdf::Plastic(_)
-            | Bsdf::RoughPlastic(_) => true,
+            | Bsdf::RoughPlastic(_)
+            | Bsdf::MetalRough(_)
+            | Bsdf::Layered(_) => true,
             Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::RoughConductor(_) | Bsdf::Null(_) => false,
         }
     }
@@ -189,6 +211,8 @@ impl Bsdf<'_> {
             | Bsdf::RoughConductor(_)
             | Bsdf::Plastic(_)
             | Bsdf::RoughPlastic(_) => true,
+            Bsdf::MetalRough(kind) => kind.is_one_sided(),
+            Bsdf::Layered(kind) => kind.is_one_sided(),
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_) | Bsdf::Null(_) => false,
         }
     }

@@ -32,13 +32,13 @@ pub struct RoughDielectric {
 }
 
 /// Geometry of a refraction.
-struct Refraction {
+pub(super) struct Refraction {
     /// Unit normal of the small pane, on the side of `wo`.
-    m: Vec3,
+    pub m: Vec3,
     /// ⟨wo, m⟩ > 0.
-    wo_m: f32,
+    pub wo_m: f32,
     /// |⟨wi, m⟩| / |wo + η·wi|².
-    wi_m_over_h2: f32,
+    pub wi_m_over_h2: f32,
 }
 
 impl RoughDielectric {
@@ -133,7 +133,7 @@ impl RoughDielectric {
 
 /// The small pane that refracts `wo` (up) into `wi` (down); `None` when it
 /// would have to be seen from behind.
-fn refraction(wo: Vec3, wi: Vec3, eta: f32) -> Option<Refraction> {
+pub(super) fn refraction(wo: Vec3, wi: Vec3, eta: f32) -> Option<Refraction> {
     let (wo, wi) = (wo.as_dvec3(), wi.as_dvec3());
     let h = wo + wi * f64::from(eta);
     let h2 = h.length_squared();

@@ -120,10 +120,10 @@ impl Whitted {
     ) -> Rgb {
         let mut radiance = Rgb::ZERO;
         for lobe in hit.scatter.lobes() {
-            let wo = lobe.frame.to_local(hit.wo);
+            let (wo, bsdf) = (lobe.frame.to_local(hit.wo), hit.scatter.bsdf(lobe));
             let mut seen = None;
             for choice in BRANCHES {
-                let Some(sample) = lobe.bsdf.sample(wo, choice, Vec2::splat(0.5)).filter(|s| s.delta) else {
+                let Some(sample) = bsdf.sample(wo, choice, Vec2::splat(0.5)).filter(|s| s.delta) else {
                     continue;
                 };
                 if seen == Some(sample.wi) {

@@ -1,13 +1,14 @@
 //! Reads `<bsdf>` objects into materials: names, parameters and defaults as in
-//! Mitsuba 3.9.
+//! Mitsuba 3.9, which has no `gltf`.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::gltf::Gltf;
 use super::perturb::{Map, Perturbation};
 use super::surface::{Coating, Roughness, Surface};
 use super::{Material, WHITE};
-use crate::bsdf::{Coat, Distribution, RoughPlasticTable};
+use crate::bsdf::{Coat, Distribution, GlassTable, RoughPlasticTable};
 use crate::color;
 use crate::desc::{Category, ObjectId, Params, Result, SceneDesc, Value};
 use crate::math::Rgb;
@@ -23,6 +24,7 @@ pub const NAMES: &[&str] = &[
     "roughconductor",
     "plastic",
     "roughplastic",
+    "gltf",
     "twosided",
     "mask",
     "blendbsdf",
@@ -40,6 +42,8 @@ const MAX_DEPTH: usize = 32;
 #[derive(Debug, Default)]
 pub struct MaterialBuilder {
     built: HashMap<ObjectId, Arc<Material>>,
+    /// Tables of solids by the bits of their index of refraction.
+    glasses: HashMap<u32, Arc<GlassTable>>,
 }
 
 impl MaterialBuilder {
@@ -48,7 +52,7 @@ impl MaterialBuilder {
         if let Some(material) = self.built.get(&id) {
             return Ok(material.clone());
         }
-        let material = build(scene, id, 0)?;
+        let material = self.nested(scene, id, 0)?;
         if material.lobe_count() > MAX_LOBES {
             let message = format!("this material has more than {MAX_LOBES} lobes; blend fewer");
             return Err(scene.error(scene.object(id).pos, message));
@@ -57,51 +61,64 @@ impl MaterialBuilder {
         self.built.insert(id, material.clone());
         Ok(material)
     }
-}
 
-fn build(scene: &SceneDesc, id: ObjectId, depth: usize) -> Result<Material> {
-    let params = scene.params(id);
-    if depth > MAX_DEPTH {
-        return Err(params.error(format!("materials are nested deeper than {MAX_DEPTH}")));
+    fn nested(&mut self, scene: &SceneDesc, id: ObjectId, depth: usize) -> Result<Material> {
+        let params = scene.params(id);
+        if depth > MAX_DEPTH {
+            return Err(params.error(format!("materials are nested deeper than {MAX_DEPTH}")));
+        }
+        let mut nested = |ids: &[(&str, ObjectId)]| -> Result<Vec<Material>> {
+            ids.iter().map(|(_, id)| self.nested(scene, *id, depth + 1)).collect()
+        };
+        let material = match scene.object(id).plugin.as_str() {
+            "twosided" => two_sided(&params, nested(&params.children(Category::Bsdf))?)?,
+            "mask" => {
+                let opacity = texture_param(&params, "opacity", Rgb::splat(0.5), Usage::Scalar)?;
+                let [inner] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
+                Material::Mask(opacity, Box::new(inner))
+            }
+            "blendbsdf" => {
+                if !params.has("weight") {
+                    return Err(params.error("bsdf `blendbsdf` needs a `weight` (float or texture)"));
+                }
+                let weight = texture_param(&params, "weight", Rgb::splat(0.5), Usage::Scalar)?;
+                let inner: [Material; 2] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
+                Material::Blend(weight, Box::new(inner))
+            }
+            name @ ("bumpmap" | "normalmap") => {
+                let [inner] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
+                let perturbed = |m: &Material| match m {
+                    Material::Perturbed(..) => true,
+                    Material::Surface(surface) => surface.is_perturbed(),
+                    _ => false,
+                };
+                if inner.any(perturbed) {
+                    let message = format!(
+                        "bsdf `{name}` cannot hold another bump or normal map; combine the two textures"
+                    );
+                    return Err(params.error(message));
+                }
+                Material::Perturbed(perturbation(&params, name)?, Box::new(inner))
+            }
+            "gltf" => {
+                let mut glasses = |eta: f32| {
+                    let table = self.glasses.entry(eta.to_bits());
+                    table.or_insert_with(|| Arc::new(GlassTable::new(eta))).clone()
+                };
+                Material::Surface(Surface::Gltf(Box::new(Gltf::new(&params, &mut glasses)?)))
+            }
+            name => match surface(&params, name)? {
+                Some(surface) => Material::Surface(surface),
+                None => {
+                    return Err(params
+                        .error(format!("unknown bsdf `{name}`"))
+                        .suggest(name, NAMES.iter().copied()));
+                }
+            },
+        };
+        params.finish()?;
+        Ok(material)
     }
-    let nested = |ids: &[(&str, ObjectId)]| -> Result<Vec<Material>> {
-        ids.iter().map(|(_, id)| build(scene, *id, depth + 1)).collect()
-    };
-    let material = match scene.object(id).plugin.as_str() {
-        "twosided" => two_sided(&params, nested(&params.children(Category::Bsdf))?)?,
-        "mask" => {
-            let opacity = texture_param(&params, "opacity", Rgb::splat(0.5), Usage::Scalar)?;
-            let [inner] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
-            Material::Mask(opacity, Box::new(inner))
-        }
-        "blendbsdf" => {
-            if !params.has("weight") {
-                return Err(params.error("bsdf `blendbsdf` needs a `weight` (float or texture)"));
-            }
-            let weight = texture_param(&params, "weight", Rgb::splat(0.5), Usage::Scalar)?;
-            let inner: [Material; 2] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
-            Material::Blend(weight, Box::new(inner))
-        }
-        name @ ("bumpmap" | "normalmap") => {
-            let [inner] = exactly(&params, nested(&params.children(Category::Bsdf))?)?;
-            if inner.any(|m| matches!(m, Material::Perturbed(..))) {
-                let message =
-                    format!("bsdf `{name}` cannot hold another bump or normal map; combine the two textures");
-                return Err(params.error(message));
-            }
-            Material::Perturbed(perturbation(&params, name)?, Box::new(inner))
-        }
-        name => match surface(&params, name)? {
-            Some(surface) => Material::Surface(surface),
-            None => {
-                return Err(params
-                    .error(format!("unknown bsdf `{name}`"))
-                    .suggest(name, NAMES.iter().copied()));
-            }
-        },
-    };
-    params.finish()?;
-    Ok(material)
 }
 
 /// The nested materials as an array of the length that the kind needs.

@@ -8,12 +8,13 @@
 //! read once per hit.
 
 mod build;
+mod gltf;
 mod perturb;
 mod scatter;
 mod surface;
 
 pub use build::{MaterialBuilder, NAMES};
-pub use scatter::{Lobe, Scatter, ScatterSample};
+pub use scatter::{Carrier, Lobe, Scatter, ScatterSample, Stored};
 
 use crate::bsdf::{Bsdf, Null};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
@@ -80,7 +81,7 @@ impl Material {
             other => (other, point.frame),
         };
         if let Material::Surface(surface) = side {
-            out.push(Lobe::new(1.0, frame, surface.at(point.uv)));
+            surface.put(point, Lobe::new(1.0, frame, Bsdf::Null(Null)), out);
         } else {
             self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), out);
         }
@@ -90,7 +91,7 @@ impl Material {
     /// perturbation of `outer`.
     fn collect<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
         match self {
-            Material::Surface(surface) => out.push(Lobe { bsdf: surface.at(point.uv), ..outer }),
+            Material::Surface(surface) => surface.put(point, outer, out),
             Material::TwoSided(front, back) => {
                 let (side, frame) = sided(front, back.as_deref(), point, outer.frame);
                 side.collect(point, Lobe { frame, ..outer }, out);
@@ -102,7 +103,7 @@ impl Material {
                 }
                 if opacity < 1.0 {
                     let weight = outer.weight * (1.0 - opacity);
-                    out.push(Lobe { weight, bsdf: Bsdf::Null(Null), ..outer });
+                    out.push(Lobe { weight, ..outer }, Bsdf::Null(Null));
                 }
             }
             Material::Blend(weight, inner) => {
@@ -203,7 +204,12 @@ impl Material {
     /// transmits, or a map perturbs the normal.
     #[must_use]
     pub fn needs_both_sides(&self) -> bool {
-        self.transmits() || self.any(|m| matches!(m, Material::Perturbed(..)))
+        self.transmits()
+            || self.any(|m| match m {
+                Material::Perturbed(..) => true,
+                Material::Surface(s) => s.is_perturbed(),
+                _ => false,
+            })
     }
 
     /// Most lobes that one hit can have.

@@ -27,6 +27,9 @@ pub enum Map {
     Bump(Texture, f32),
     /// A texture of local normals n, encoded as (n + 1) / 2.
     Normal(Texture),
+    /// The same in glTF's tangent space, whose y is up in the image, with a
+    /// factor on x and y.
+    Tangent(Texture, f32),
 }
 
 impl Perturbation {
@@ -34,13 +37,14 @@ impl Perturbation {
     pub fn name(&self) -> &'static str {
         match self.map {
             Map::Bump(..) => "bumpmap",
-            Map::Normal(_) => "normalmap",
+            Map::Normal(_) | Map::Tangent(..) => "normalmap",
         }
     }
 
-    fn texture(&self) -> &Texture {
+    /// The texture it reads.
+    pub fn texture(&self) -> &Texture {
         match &self.map {
-            Map::Bump(t, _) | Map::Normal(t) => t,
+            Map::Bump(t, _) | Map::Normal(t) | Map::Tangent(t, _) => t,
         }
     }
 
@@ -59,6 +63,12 @@ impl Perturbation {
     fn normal(&self, point: &Point) -> Vec3 {
         match &self.map {
             Map::Normal(texture) => texture.eval(point.uv) * 2.0 - Vec3::ONE,
+            Map::Tangent(texture, scale) => {
+                let n = texture.eval(point.uv) * 2.0 - Vec3::ONE;
+                // v runs down the image: up is against ∂p/∂v.
+                let up = if point.frame.t.dot(point.dpdv) > 0.0 { -1.0 } else { 1.0 };
+                Vec3::new(n.x * scale, n.y * scale * up, n.z)
+            }
             Map::Bump(texture, scale) => {
                 let gradient = Vec2::from(texture.gradient(point.uv)) * *scale;
                 let n = point.frame.n;

@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use crate::bsdf::{Bsdf, BsdfSample};
+use crate::bsdf::{Bsdf, BsdfSample, Layered, MetalRough};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
 
 /// One bsdf in its frame.
@@ -19,8 +19,36 @@ pub struct Lobe<'a> {
     /// Normal of the unperturbed frame and the squared roughness of the
     /// shadowing term (0: none), when a map perturbed the frame.
     pub perturbed: Option<(Vec3, f32)>,
-    /// What scatters.
-    pub bsdf: Bsdf<'a>,
+    /// What scatters; [`Scatter::bsdf`] tells.
+    pub bsdf: Carrier<'a>,
+}
+
+/// The bsdf of a lobe.
+#[derive(Clone, Copy, Debug)]
+pub enum Carrier<'a> {
+    /// Itself.
+    Plain(Bsdf<'a>),
+    /// A large one, by its place in the [`Scatter`].
+    Stored(u32),
+}
+
+/// A bsdf too large to lie in every lobe.
+#[derive(Clone, Debug)]
+pub enum Stored<'a> {
+    /// The core of a glTF surface.
+    MetalRough(MetalRough),
+    /// A glTF surface with layers.
+    Layered(Layered<'a>),
+}
+
+impl Stored<'_> {
+    #[inline]
+    fn as_bsdf(&self) -> Bsdf<'_> {
+        match self {
+            Stored::MetalRough(surface) => surface.into(),
+            Stored::Layered(surface) => surface.into(),
+        }
+    }
 }
 
 /// The flattened material of a hit. Large, so it is filled in place and used
@@ -28,6 +56,7 @@ pub struct Lobe<'a> {
 #[derive(Clone, Debug, Default)]
 pub struct Scatter<'a> {
     lobes: SmallVec<[Lobe<'a>; FEW]>,
+    stored: SmallVec<[Stored<'a>; 1]>,
     /// What [`Scatter::has_smooth`], [`Scatter::chooses`] and
     /// [`Scatter::spreads`] say, noted as lobes are added.
     smooth: bool,
@@ -76,7 +105,7 @@ impl<'a> Lobe<'a> {
     /// An unperturbed lobe.
     #[must_use]
     pub fn new(weight: f32, frame: Frame, bsdf: Bsdf<'a>) -> Lobe<'a> {
-        Lobe { weight, frame, perturbed: None, bsdf }
+        Lobe { weight, frame, perturbed: None, bsdf: Carrier::Plain(bsdf) }
     }
 
     /// Light that a perturbed frame lets through from `wi`: 0 where `wi` is on
@@ -92,15 +121,28 @@ impl<'a> Lobe<'a> {
         2.0 / (1.0 + (1.0 + alpha2 * tan2).sqrt())
     }
 
-    fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+    fn eval_pdf(&self, bsdf: &Bsdf, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         let local = self.frame.to_local(wi);
         let visibility = self.visibility(wi, local.z);
         if visibility == 0.0 {
             return (Rgb::ZERO, 0.0);
         }
-        let (f, pdf) = self.bsdf.eval_pdf(self.frame.to_local(wo), local);
+        let (f, pdf) = bsdf.eval_pdf(self.frame.to_local(wo), local);
         (f * visibility, pdf)
     }
+}
+
+/// Does something with the bsdf of a lobe, wherever that lies.
+macro_rules! with_bsdf {
+    ($scatter:expr, $lobe:expr, $bsdf:ident => $body:expr) => {
+        match &$lobe.bsdf {
+            Carrier::Plain($bsdf) => $body,
+            Carrier::Stored(index) => {
+                let $bsdf = &$scatter.stored[*index as usize].as_bsdf();
+                $body
+            }
+        }
+    };
 }
 
 impl<'a> Scatter<'a> {
@@ -108,16 +150,32 @@ impl<'a> Scatter<'a> {
     #[inline]
     pub fn clear(&mut self) {
         self.lobes.clear();
+        self.stored.clear();
         (self.smooth, self.chooses, self.spreads) = (false, false, false);
     }
 
-    /// Adds a lobe.
+    /// Adds a lobe with a bsdf of its own.
     #[inline(always)]
-    pub fn push(&mut self, lobe: Lobe<'a>) {
-        self.smooth |= !lobe.bsdf.is_delta_only();
-        self.chooses |= !self.lobes.is_empty() || lobe.bsdf.chooses();
-        self.spreads |= lobe.bsdf.spreads();
-        self.lobes.push(lobe);
+    pub fn push(&mut self, lobe: Lobe<'a>, bsdf: Bsdf<'a>) {
+        self.smooth |= !bsdf.is_delta_only();
+        self.chooses |= !self.lobes.is_empty() || bsdf.chooses();
+        self.spreads |= bsdf.spreads();
+        self.lobes.push(Lobe { bsdf: Carrier::Plain(bsdf), ..lobe });
+    }
+
+    /// Adds a lobe with a large bsdf.
+    pub fn push_stored(&mut self, lobe: Lobe<'a>, stored: Stored<'a>) {
+        self.smooth |= !stored.as_bsdf().is_delta_only();
+        self.chooses = true;
+        self.spreads = true;
+        self.lobes.push(Lobe { bsdf: Carrier::Stored(self.stored.len() as u32), ..lobe });
+        self.stored.push(stored);
+    }
+
+    /// The bsdf of a lobe of this.
+    #[must_use]
+    pub fn bsdf(&self, lobe: &Lobe<'a>) -> Bsdf<'_> {
+        with_bsdf!(self, lobe, bsdf => *bsdf)
     }
 
     /// The lobes.
@@ -150,10 +208,10 @@ impl<'a> Scatter<'a> {
     #[must_use]
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         if let [lobe] = self.lobes.as_slice() {
-            return lobe.eval_pdf(wo, wi);
+            return with_bsdf!(self, lobe, bsdf => lobe.eval_pdf(bsdf, wo, wi));
         }
         self.lobes.iter().fold((Rgb::ZERO, 0.0), |(f, p), lobe| {
-            let (fl, pl) = lobe.eval_pdf(wo, wi);
+            let (fl, pl) = with_bsdf!(self, lobe, bsdf => lobe.eval_pdf(bsdf, wo, wi));
             (f + fl * lobe.weight, p + pl * lobe.weight)
         })
     }
@@ -164,7 +222,8 @@ impl<'a> Scatter<'a> {
         if let [lobe] = self.lobes.as_slice()
             && lobe.perturbed.is_none()
         {
-            let sample = lobe.bsdf.sample(lobe.frame.to_local(wo), u_lobe, u)?;
+            let local = lobe.frame.to_local(wo);
+            let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
             return ScatterSample::checked(
                 &sample,
                 lobe.frame.to_world(sample.wi),
@@ -173,7 +232,8 @@ impl<'a> Scatter<'a> {
             );
         }
         let (lobe, u_lobe) = self.choose(u_lobe)?;
-        let sample = lobe.bsdf.sample(lobe.frame.to_local(wo), u_lobe, u)?;
+        let local = lobe.frame.to_local(wo);
+        let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
         let wi = lobe.frame.to_world(sample.wi);
         let (mut weight, mut pdf) = (sample.weight, sample.pdf);
         if sample.null {
@@ -217,7 +277,13 @@ impl<'a> Scatter<'a> {
     /// the albedo layer.
     #[must_use]
     pub fn albedo(&self, wo: Vec3) -> Rgb {
-        self.lobes.iter().map(|l| l.bsdf.albedo(l.frame.to_local(wo)) * l.weight).sum()
+        self.lobes
+            .iter()
+            .map(|lobe| {
+                let local = lobe.frame.to_local(wo);
+                with_bsdf!(self, lobe, bsdf => bsdf.albedo(local)) * lobe.weight
+            })
+            .sum()
     }
 
     /// The shading normal, on the side that the scattering happens, of the

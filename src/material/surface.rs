@@ -1,5 +1,7 @@
 //! The leaves of a material: one bsdf, its parameters read from textures.
 
+use super::gltf::Gltf;
+use super::{Lobe, Point, Scatter};
 use crate::bsdf::{
     Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor,
     RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
@@ -59,6 +61,8 @@ pub enum Surface {
         /// Colour shifts from internal reflection are taken into account.
         nonlinear: bool,
     },
+    /// `gltf`.
+    Gltf(Box<Gltf>),
     /// `null`: nothing there.
     Null,
 }
@@ -92,8 +96,19 @@ impl Roughness {
 }
 
 impl Surface {
-    /// The bsdf at texture coordinates `uv`.
-    pub fn at(&self, uv: Vec2) -> Bsdf<'_> {
+    /// Adds its lobe at a point, with weight, frame and perturbation of
+    /// `outer`.
+    #[inline]
+    pub fn put<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
+        match self {
+            Surface::Gltf(surface) => surface.put(point, outer, out),
+            plain => out.push(outer, plain.at(point.uv)),
+        }
+    }
+
+    /// The bsdf at texture coordinates `uv`; nothing for those that make more
+    /// of it than a plain bsdf.
+    fn at(&self, uv: Vec2) -> Bsdf<'_> {
         match self {
             Surface::Diffuse { reflectance } => Diffuse { reflectance: reflectance.eval(uv) }.into(),
             Surface::Dielectric { eta, reflectance, transmittance, thin } => {
@@ -132,7 +147,7 @@ impl Surface {
                     }
                 }
             }
-            Surface::Null => Null.into(),
+            Surface::Gltf(_) | Surface::Null => Null.into(),
         }
     }
 
@@ -147,6 +162,7 @@ impl Surface {
             Surface::Conductor { .. } => "roughconductor",
             Surface::Plastic { coat: Coating::Smooth(_), .. } => "plastic",
             Surface::Plastic { .. } => "roughplastic",
+            Surface::Gltf(_) => "gltf",
             Surface::Null => "null",
         }
     }
@@ -170,6 +186,7 @@ impl Surface {
                 all
             }
             Surface::Plastic { diffuse, specular, .. } => vec![diffuse, specular],
+            Surface::Gltf(surface) => surface.textures(),
             Surface::Null => Vec::new(),
         }
     }
@@ -179,22 +196,27 @@ impl Surface {
         match self {
             Surface::RoughDielectric { roughness, .. }
             | Surface::Conductor { roughness: Some(roughness), .. } => roughness.alpha_v.is_some(),
+            Surface::Gltf(surface) => surface.is_anisotropic(),
             _ => false,
         }
     }
 
     /// True when it has delta lobes only, wherever it is evaluated.
     pub fn is_delta_only(&self) -> bool {
-        matches!(
-            self,
-            Surface::Dielectric { .. } | Surface::Conductor { roughness: None, .. } | Surface::Null
-        )
+        match self {
+            Surface::Dielectric { .. } | Surface::Conductor { roughness: None, .. } | Surface::Null => true,
+            Surface::Gltf(surface) => surface.is_delta_only(),
+            _ => false,
+        }
     }
 
     /// True when its bsdf chooses between lobes: see [`Bsdf::chooses`].
     pub fn chooses(&self) -> bool {
         match self {
-            Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Plastic { .. } => true,
+            Surface::Dielectric { .. }
+            | Surface::RoughDielectric { .. }
+            | Surface::Plastic { .. }
+            | Surface::Gltf(_) => true,
             Surface::Diffuse { .. } | Surface::Conductor { .. } | Surface::Null => false,
         }
     }
@@ -206,6 +228,15 @@ impl Surface {
 
     /// True when light can pass through.
     pub fn transmits(&self) -> bool {
-        matches!(self, Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Null)
+        match self {
+            Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Null => true,
+            Surface::Gltf(surface) => surface.transmits(),
+            _ => false,
+        }
+    }
+
+    /// True when it perturbs the normal by itself.
+    pub fn is_perturbed(&self) -> bool {
+        matches!(self, Surface::Gltf(surface) if surface.is_perturbed())
     }
 }
