@@ -16,7 +16,7 @@ pub use error::{Error, Pos, Result, nearest};
 pub use lenient::Leniency;
 pub use params::Params;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::math::{DVec3, Motion, Transform, Vec2, Vec3, Vec4};
 
@@ -38,6 +38,8 @@ pub struct SceneDesc {
     pub images: Vec<Arc<Image>>,
     /// Things worth telling the user that do not change the picture's meaning.
     pub warnings: Vec<String>,
+    /// Names of the mesh attributes that textures read; see [`SceneDesc::attribute_names`].
+    pub attribute_names: OnceLock<Vec<String>>,
     /// Whether what is not known may be replaced.
     pub leniency: Leniency,
 }
@@ -235,6 +237,33 @@ impl SceneDesc {
     #[must_use]
     pub fn object(&self, id: ObjectId) -> &Object {
         &self.objects[id as usize]
+    }
+
+    /// The names of mesh attributes that textures read, in the order of the
+    /// objects: a `mesh_attribute`'s `name` and a `bitmap`'s `uv_attribute`.
+    /// (The bsdf `gltf` reads `vertex_color` when it says so.)
+    pub fn attribute_names(&self) -> &[String] {
+        self.attribute_names.get_or_init(|| {
+            let mut names: Vec<String> = Vec::new();
+            for object in &self.objects {
+                let wanted = match (object.category, object.plugin.as_str()) {
+                    (Category::Texture, "mesh_attribute") => "name",
+                    (Category::Texture, "bitmap") => "uv_attribute",
+                    (Category::Bsdf, "gltf") => "vertex_color",
+                    _ => continue,
+                };
+                let found = object.params.iter().find(|p| p.name == wanted);
+                let name = match found.map(|p| &p.value) {
+                    Some(Value::String(name)) => name.as_str(),
+                    Some(Value::Bool(true)) => "vertex_color",
+                    _ => continue,
+                };
+                if !names.iter().any(|n| n == name) {
+                    names.push(name.to_owned());
+                }
+            }
+            names
+        })
     }
 
     /// An error at a position of this scene.

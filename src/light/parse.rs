@@ -52,6 +52,11 @@ pub fn area_emission_from_desc(scene: &SceneDesc, id: ObjectId) -> Result<AreaEm
     }
     let weight = weight(&params)?;
     let radiance = texture_param(&params, "radiance", Rgb::ONE, Usage::Radiance)?;
+    if radiance.reads_attributes() {
+        return Err(params
+            .error_at("radiance", "`radiance` cannot be read from attributes of the mesh")
+            .hint("a `bitmap` over the mesh's own texture coordinates can"));
+    }
     params.finish()?;
     Ok(AreaEmission { radiance, weight })
 }

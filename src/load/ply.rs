@@ -10,7 +10,7 @@
 use std::path::Path;
 
 use super::files;
-use crate::desc::{Error, Mesh, Result};
+use crate::desc::{Error, Mesh, MeshAttribute, Result};
 use crate::math::{Vec2, Vec3};
 
 type Step<T> = std::result::Result<T, String>;
@@ -289,14 +289,17 @@ fn vertices(body: &mut Body, element: &Element, count: usize, mesh: &mut Mesh) -
     mesh.positions.reserve_exact(count);
     mesh.normals.reserve_exact(if has_normals { count } else { 0 });
     mesh.uvs.reserve_exact(if has_uvs { count } else { 0 });
+    let mut extra = Extra::new(element, "vertex", |i| slot_of[i].is_none());
     for index in 0..count {
         let mut values = [0.0f32; SLOTS.len()];
-        for (property, slot) in element.properties.iter().zip(&slot_of) {
+        for (i, (property, slot)) in element.properties.iter().zip(&slot_of).enumerate() {
             match slot {
                 Some(slot) => values[*slot] = body.need(property.number, element, index)? as f32,
+                None if extra.wants(i) => extra.put(i, body.need(property.number, element, index)? as f32),
                 None => body.skip(property, element, index)?,
             }
         }
+        extra.store(1);
         if let Some(slot) = values.iter().position(|v| !v.is_finite()) {
             return Err(format!("vertex {index}: `{}` is not finite", SLOTS[slot]));
         }
@@ -309,7 +312,7 @@ fn vertices(body: &mut Body, element: &Element, count: usize, mesh: &mut Mesh) -
             mesh.uvs.push(Vec2::new(u, v));
         }
     }
-    Ok(())
+    extra.finish(false, mesh)
 }
 
 fn faces(body: &mut Body, element: &Element, (count, vertices): (usize, u64), mesh: &mut Mesh) -> Step<()> {
@@ -319,7 +322,9 @@ fn faces(body: &mut Body, element: &Element, (count, vertices): (usize, u64), me
         return Err("element `face` lacks the list `vertex_indices`".into());
     };
     mesh.triangles.reserve_exact(count);
+    let mut extra = Extra::new(element, "face", |i| i != list);
     for index in 0..count {
+        let before = mesh.triangles.len();
         for (i, property) in element.properties.iter().enumerate() {
             match property.length {
                 Some(length) if i == list => {
@@ -327,11 +332,84 @@ fn faces(body: &mut Body, element: &Element, (count, vertices): (usize, u64), me
                     let mut next = || body.need(property.number, element, index);
                     fan(index, corners, vertices, &mut next, &mut mesh.triangles)?;
                 }
+                None if extra.wants(i) => extra.put(i, body.need(property.number, element, index)? as f32),
                 _ => body.skip(property, element, index)?,
             }
         }
+        extra.store(mesh.triangles.len() - before);
     }
-    Ok(())
+    extra.finish(true, mesh)
+}
+
+/// Properties `NAME_0`, `NAME_1`, … (at most four), which become the attribute
+/// `vertex_NAME` or `face_NAME`, as in Mitsuba.
+struct Extra {
+    /// By property: which number it is.
+    slot_of: Vec<Option<usize>>,
+    /// Name and width of each attribute.
+    attributes: Vec<(String, u32)>,
+    current: Vec<f32>,
+    values: Vec<f32>,
+}
+
+impl Extra {
+    fn new(element: &Element, prefix: &str, free: impl Fn(usize) -> bool) -> Extra {
+        let mut extra = Extra {
+            slot_of: vec![None; element.properties.len()],
+            attributes: Vec::new(),
+            current: Vec::new(),
+            values: Vec::new(),
+        };
+        let find = |name: String| {
+            let mut all = element.properties.iter().enumerate();
+            all.find(|(i, p)| free(*i) && p.length.is_none() && p.name == name).map(|(i, _)| i)
+        };
+        for property in &element.properties {
+            let Some(base) = property.name.strip_suffix("_0") else { continue };
+            let found: Vec<usize> = (0..4).map_while(|k| find(format!("{base}_{k}"))).collect();
+            for i in &found {
+                extra.slot_of[*i] = Some(extra.current.len());
+                extra.current.push(0.0);
+            }
+            if !found.is_empty() {
+                extra.attributes.push((format!("{prefix}_{base}"), found.len() as u32));
+            }
+        }
+        extra
+    }
+
+    fn wants(&self, property: usize) -> bool {
+        self.slot_of[property].is_some()
+    }
+
+    fn put(&mut self, property: usize, value: f32) {
+        if let Some(slot) = self.slot_of[property] {
+            self.current[slot] = value;
+        }
+    }
+
+    /// Keeps the current numbers, so many times.
+    fn store(&mut self, times: usize) {
+        for _ in 0..times {
+            self.values.extend(&self.current);
+        }
+    }
+
+    fn finish(self, per_face: bool, mesh: &mut Mesh) -> Step<()> {
+        let stride = self.current.len();
+        let mut first = 0;
+        for (name, channels) in self.attributes {
+            let width = channels as usize;
+            let rows = self.values.chunks_exact(stride);
+            let values: Vec<f32> = rows.flat_map(|row| row[first..first + width].iter().copied()).collect();
+            if values.iter().any(|v| !v.is_finite()) {
+                return Err(format!("the attribute `{name}` has a value that is not finite"));
+            }
+            mesh.attributes.push(MeshAttribute { name, channels, per_face, values });
+            first += width;
+        }
+        Ok(())
+    }
 }
 
 /// Makes triangles of a polygon whose vertices `next` gives.

@@ -3,6 +3,7 @@
 //! | parameter | default | meaning |
 //! |-|-|-|
 //! | `base_color` | 1 | colour of the metal, albedo of the dielectric's base |
+//! | `vertex_color` | `false` | multiply it with the mesh's attribute `vertex_color` |
 //! | `metallic` | 1 | 0 dielectric, 1 metal |
 //! | `roughness` | 1 | α is its square |
 //! | `ior` | 1.5 | index of refraction (a number; 0 reflects everything) |
@@ -43,13 +44,15 @@ use super::scatter::Stored;
 use super::{Lobe, Point, Scatter, WHITE};
 use crate::bsdf::{Film, GlassTable, Layered, Layers, MetalRough, Substance};
 use crate::desc::{Params, Result};
-use crate::math::{Frame, Rgb, Vec2, Vec3};
-use crate::texture::{Texture, Usage, texture_param, texture_param_opt};
+use crate::math::{Frame, Rgb, Vec3};
+use crate::texture::{Coords, Texture, Usage, attribute_texture, texture_param, texture_param_opt};
 
 /// A glTF surface with textured parameters.
 #[derive(Debug)]
 pub struct Gltf {
     base_color: Texture,
+    /// Colours of the vertices, which multiply it.
+    tint: Option<Texture>,
     metallic: Texture,
     roughness: Texture,
     /// Reflectance of the dielectric at the normal, from its index.
@@ -95,6 +98,10 @@ impl Gltf {
         }
         let surface = Gltf {
             base_color: texture_param(params, "base_color", WHITE, Usage::Reflectance)?,
+            tint: match params.bool("vertex_color", false)? {
+                true => Some(attribute_texture(params, "vertex_color")?),
+                false => None,
+            },
             metallic: share(params, "metallic", 1.0)?,
             roughness: share(params, "roughness", 1.0)?,
             f0: ((1.0 - ior) / (1.0 + ior)).powi(2) as f32,
@@ -109,11 +116,12 @@ impl Gltf {
 
     /// Adds its lobe at a point.
     pub fn put<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
-        let uv = point.uv;
+        let uv = point.coords();
         let unit = |texture: &Texture| texture.eval_scalar(uv).clamp(0.0, 1.0);
         let f90 = unit(&self.specular);
+        let tint = self.tint.as_ref().map_or(Rgb::ONE, |t| t.eval(uv));
         let substance = Substance {
-            base_color: self.base_color.eval(uv).clamp(Rgb::ZERO, Rgb::ONE),
+            base_color: (self.base_color.eval(uv) * tint).clamp(Rgb::ZERO, Rgb::ONE),
             metallic: unit(&self.metallic),
             roughness: unit(&self.roughness),
             f0: (self.specular_color.eval(uv) * self.f0).clamp(Rgb::ZERO, Rgb::ONE) * f90,
@@ -147,6 +155,7 @@ impl Gltf {
     pub fn textures(&self) -> Vec<&Texture> {
         let mut all =
             vec![&self.base_color, &self.metallic, &self.roughness, &self.specular, &self.specular_color];
+        all.extend(&self.tint);
         all.extend(self.normal.iter().map(Perturbation::texture));
         if let Some(layers) = &self.layers {
             all.extend(layers.textures());
@@ -236,7 +245,7 @@ impl LayerTextures {
     }
 
     /// The layers at texture coordinates, given the coat's local normal.
-    fn at(&self, uv: Vec2, clearcoat_normal: Vec3) -> Layers {
+    fn at(&self, uv: Coords, clearcoat_normal: Vec3) -> Layers {
         let unit = |texture: &Texture| texture.eval_scalar(uv).clamp(0.0, 1.0);
         let colour = |texture: &Texture| texture.eval(uv).clamp(Rgb::ZERO, Rgb::ONE);
         let mut layers = Layers {

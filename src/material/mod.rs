@@ -18,7 +18,7 @@ pub use scatter::{Carrier, Lobe, Scatter, ScatterSample, Stored};
 
 use crate::bsdf::{Bsdf, Null};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
-use crate::texture::Texture;
+use crate::texture::{Attributes, Coords, Texture};
 use perturb::Perturbation;
 use surface::Surface;
 
@@ -55,9 +55,11 @@ fn sided<'a>(
 
 /// What a material needs to know of the point it is evaluated at.
 #[derive(Clone, Copy, Debug)]
-pub struct Point {
+pub struct Point<'a> {
     /// Texture coordinates.
     pub uv: Vec2,
+    /// Attributes of the mesh, if the material reads any.
+    pub attributes: Option<&'a Attributes>,
     /// Unit direction towards where the path came from, world space.
     pub wo: Vec3,
     /// Geometric normal, unit, world space.
@@ -68,6 +70,15 @@ pub struct Point {
     pub dpdu: Vec3,
     /// ∂p/∂v, world space.
     pub dpdv: Vec3,
+}
+
+impl<'a> Point<'a> {
+    /// Where textures are looked up.
+    #[must_use]
+    #[inline]
+    pub fn coords(&self) -> Coords<'a> {
+        Coords { uv: self.uv, attributes: self.attributes }
+    }
 }
 
 impl Material {
@@ -97,7 +108,7 @@ impl Material {
                 side.collect(point, Lobe { frame, ..outer }, out);
             }
             Material::Mask(opacity, inner) => {
-                let opacity = opacity.eval_scalar(point.uv).clamp(0.0, 1.0);
+                let opacity = opacity.eval_scalar(point.coords()).clamp(0.0, 1.0);
                 if opacity > 0.0 {
                     inner.collect(point, Lobe { weight: outer.weight * opacity, ..outer }, out);
                 }
@@ -107,7 +118,7 @@ impl Material {
                 }
             }
             Material::Blend(weight, inner) => {
-                let w = weight.eval_scalar(point.uv).clamp(0.0, 1.0);
+                let w = weight.eval_scalar(point.coords()).clamp(0.0, 1.0);
                 if w < 1.0 {
                     inner[0].collect(point, Lobe { weight: outer.weight * (1.0 - w), ..outer }, out);
                 }
@@ -150,6 +161,17 @@ impl Material {
             Material::Surface(s) => s.textures().iter().any(|t| t.is_constant().is_none()),
             Material::Mask(t, _) | Material::Blend(t, _) => t.is_constant().is_none(),
             Material::Perturbed(p, _) => p.needs_uv(),
+            Material::TwoSided(..) => false,
+        })
+    }
+
+    /// True when some texture of it reads attributes of the mesh.
+    #[must_use]
+    pub fn needs_attributes(&self) -> bool {
+        self.any(|m| match m {
+            Material::Surface(s) => s.textures().iter().any(|t| t.reads_attributes()),
+            Material::Mask(t, _) | Material::Blend(t, _) => t.reads_attributes(),
+            Material::Perturbed(p, _) => p.texture().reads_attributes(),
             Material::TwoSided(..) => false,
         })
     }

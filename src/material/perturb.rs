@@ -62,15 +62,15 @@ impl Perturbation {
     /// normalised.
     fn normal(&self, point: &Point) -> Vec3 {
         match &self.map {
-            Map::Normal(texture) => texture.eval(point.uv) * 2.0 - Vec3::ONE,
+            Map::Normal(texture) => texture.eval(point.coords()) * 2.0 - Vec3::ONE,
             Map::Tangent(texture, scale) => {
-                let n = texture.eval(point.uv) * 2.0 - Vec3::ONE;
+                let n = texture.eval(point.coords()) * 2.0 - Vec3::ONE;
                 // v runs down the image: up is against ∂p/∂v.
                 let up = if point.frame.t.dot(point.dpdv) > 0.0 { -1.0 } else { 1.0 };
                 Vec3::new(n.x * scale, n.y * scale * up, n.z)
             }
             Map::Bump(texture, scale) => {
-                let gradient = Vec2::from(texture.gradient(point.uv)) * *scale;
+                let gradient = Vec2::from(texture.gradient(point.coords())) * *scale;
                 let n = point.frame.n;
                 let dpdu = point.dpdu + n * (gradient.x - n.dot(point.dpdu));
                 let dpdv = point.dpdv + n * (gradient.y - n.dot(point.dpdv));

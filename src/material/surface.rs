@@ -6,8 +6,7 @@ use crate::bsdf::{
     Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor,
     RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
 };
-use crate::math::Vec2;
-use crate::texture::Texture;
+use crate::texture::{Coords, Texture};
 
 /// A bsdf with textured parameters.
 #[derive(Debug)]
@@ -88,7 +87,7 @@ pub struct Roughness {
 }
 
 impl Roughness {
-    fn at(&self, uv: Vec2) -> Microfacet {
+    fn at(&self, uv: Coords) -> Microfacet {
         let u = self.alpha_u.eval_scalar(uv);
         let v = self.alpha_v.as_ref().map_or(u, |t| t.eval_scalar(uv));
         Microfacet::new(self.distribution, u, v)
@@ -102,13 +101,13 @@ impl Surface {
     pub fn put<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
         match self {
             Surface::Gltf(surface) => surface.put(point, outer, out),
-            plain => out.push(outer, plain.at(point.uv)),
+            plain => out.push(outer, plain.at(point.coords())),
         }
     }
 
     /// The bsdf at texture coordinates `uv`; nothing for those that make more
     /// of it than a plain bsdf.
-    fn at(&self, uv: Vec2) -> Bsdf<'_> {
+    fn at(&self, uv: Coords) -> Bsdf<'_> {
         match self {
             Surface::Diffuse { reflectance } => Diffuse { reflectance: reflectance.eval(uv) }.into(),
             Surface::Dielectric { eta, reflectance, transmittance, thin } => {

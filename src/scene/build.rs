@@ -219,8 +219,11 @@ impl Builder<'_> {
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
         self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
-        let traits =
-            |m: &Arc<Material>| Traits { tangents: m.needs_tangents(), two_sided: m.needs_both_sides() };
+        let traits = |m: &Arc<Material>| Traits {
+            tangents: m.needs_tangents(),
+            two_sided: m.needs_both_sides(),
+            attributes: m.needs_attributes(),
+        };
         let traits = self.materials.iter().map(traits).collect();
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());

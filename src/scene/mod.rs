@@ -84,6 +84,8 @@ struct Traits {
     tangents: bool,
     /// Light from below the shading normal may count.
     two_sided: bool,
+    /// It reads attributes of the mesh.
+    attributes: bool,
 }
 
 /// A hit with everything that shading needs.
@@ -146,14 +148,21 @@ impl Scene {
         room: &'a mut Scatter<'s>,
     ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
-        let Traits { tangents, two_sided } = self.traits[index];
+        let Traits { tangents, two_sided, attributes } = self.traits[index];
         let frame = if tangents {
             Frame::from_normal_tangent(surface.ns, surface.dpdu)
         } else {
             Frame::from_normal(surface.ns)
         };
-        let point =
-            Point { uv: surface.uv, wo, ng: surface.ng, frame, dpdu: surface.dpdu, dpdv: surface.dpdv };
+        let filled;
+        let attributes = if attributes {
+            filled = self.geometry.attributes(surface);
+            Some(&filled)
+        } else {
+            None
+        };
+        let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
+        let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv };
         self.materials[index].at(&point, room);
         Interaction { surface, wo, scatter: room, two_sided }
     }

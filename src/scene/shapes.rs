@@ -267,7 +267,7 @@ impl Builder<'_> {
                 let mesh = params
                     .mesh()
                     .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", object.plugin)))?;
-                return self.mesh(mesh, to_space, options).map_err(at);
+                return self.mesh(mesh, to_space, options, material.needs_attributes()).map_err(at);
             }
             "cube" => {
                 let options = options(params.bool("face_normals", false)?);
@@ -300,12 +300,14 @@ impl Builder<'_> {
         mesh: &crate::desc::Mesh,
         to_space: &Transform,
         options: MeshOptions,
+        with_attributes: bool,
     ) -> Result<Option<ShapeId>> {
         let keep_uvs = options.keep_uvs;
+        let names = if with_attributes { self.desc.attribute_names() } else { &[] };
         if mesh.triangles.is_empty() {
             return Ok(None);
         }
-        let (shape, report) = self.geometry.add_mesh(mesh, to_space, options)?;
+        let (shape, report) = self.geometry.add_mesh_with(mesh, to_space, options, names)?;
         self.plan.dropped_triangles += report.dropped;
         self.plan.normal_meshes[usize::from(mesh.normals.is_empty())] += 1;
         if !mesh.uvs.is_empty() {

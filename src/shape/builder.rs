@@ -94,6 +94,18 @@ impl GeometryBuilder {
         to_world: &Transform,
         options: MeshOptions,
     ) -> Result<(ShapeId, MeshReport)> {
+        self.add_mesh_with(mesh, to_world, options, &[])
+    }
+
+    /// The same, keeping the mesh's attributes of these names; their places in
+    /// the list are the slots that [`Geometry::attributes`] fills.
+    pub fn add_mesh_with(
+        &mut self,
+        mesh: &Mesh,
+        to_world: &Transform,
+        options: MeshOptions,
+        attributes: &[String],
+    ) -> Result<(ShapeId, MeshReport)> {
         check_affine(to_world)?;
         check_mesh(mesh)?;
         let keys = match mesh.deformation.as_slice() {
@@ -149,7 +161,8 @@ impl GeometryBuilder {
 
         // Triangles, without those that no ray can meet at any time.
         let shape = g.shapes.len() as ShapeId;
-        for indices in &mesh.triangles {
+        let mut kept = Vec::new();
+        for (face, indices) in mesh.triangles.iter().enumerate() {
             let indices = indices.map(|i| i + first_vertex as u32);
             let has_area = |copy: usize| {
                 let offset = copy * vertex_count;
@@ -159,15 +172,22 @@ impl GeometryBuilder {
             if copies == 1 && has_area(0) {
                 g.triangles.push(indices);
                 g.triangle_shapes.push(shape);
+                kept.push(face as u32);
                 info.prim_count += 1;
             } else if copies > 1 && (0..copies).any(has_area) {
                 g.moving.push(indices);
                 g.moving_shapes.push(shape);
+                kept.push(face as u32);
                 info.prim_count += 1;
             }
         }
         let dropped = mesh.triangles.len() - info.prim_count as usize;
         g.shapes.push(info);
+        for (slot, name) in attributes.iter().enumerate() {
+            if let Some(attribute) = mesh.attributes.iter().find(|a| a.name == *name) {
+                g.keep_attribute((shape, first_vertex as u32), slot as u8, attribute, &kept);
+            }
+        }
         Ok((shape, MeshReport { dropped }))
     }
 
@@ -271,6 +291,15 @@ fn check_mesh(mesh: &Mesh) -> Result<()> {
     }
     if mesh.deformation.iter().any(|key| key.positions.len() != vertex_count) {
         return Err(Error::new("a deforming mesh has another number of vertices at another time"));
+    }
+    for attribute in &mesh.attributes {
+        let count = if attribute.per_face { mesh.triangles.len() } else { vertex_count };
+        if attribute.values.len() != count * attribute.channels as usize {
+            return Err(Error::new(format!(
+                "the attribute `{}` of a mesh has a wrong length",
+                attribute.name
+            )));
+        }
     }
     Ok(())
 }

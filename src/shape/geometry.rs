@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::attributes::Stored;
 use super::deform::{Between, Deformation};
 use super::triangle;
 use super::{Analytic, Hit, Instance, PrimId, RayProbe, ShapeId, SurfacePoint};
@@ -58,6 +59,9 @@ pub struct Geometry {
     pub(crate) moving_shapes: Vec<ShapeId>,
     pub(crate) deformations: Vec<Deformation>,
     pub(crate) instances: Vec<Instance>,
+    /// By shape, in order.
+    pub(crate) attributes: Vec<Stored>,
+    pub(crate) attribute_values: Vec<f32>,
     /// The top, then the groups.
     pub(crate) parts: Vec<Part>,
 }
@@ -248,6 +252,7 @@ impl Geometry {
             + size_of_val(&*self.moving)
             + size_of_val(&*self.moving_shapes)
             + size_of_val(&*self.instances)
+            + size_of_val(&*self.attribute_values)
             + self.instances.iter().map(Instance::extra_bytes).sum::<usize>()
     }
 

@@ -29,6 +29,7 @@
 //! meets them. Order of ids: triangles, analytic primitives, deforming
 //! triangles, instances.
 
+mod attributes;
 mod builder;
 mod cylinder;
 mod deform;

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::texels::Texels;
-use super::{UvMap, example_image, scalar};
+use super::{Coords, UvMap, example_image, scalar};
 use crate::desc::{Image, Result};
 use crate::math::{Rgb, Transform, Vec2};
 
@@ -40,6 +40,10 @@ pub enum WrapMode {
 /// | `filename` | required | the image |
 /// | `filter_type` | `bilinear` | `bilinear` or `nearest` |
 /// | `wrap_mode` | `repeat` | `repeat`, `mirror` or `clamp` |
+/// | `wrap_mode_u`, `wrap_mode_v` | `wrap_mode` | the same for one axis |
+/// | `channel` | `rgb` | `r`, `g`, `b` or `a` alone, as a number |
+/// | `scale` | 1 | a factor on it, a number or a colour |
+/// | `uv_attribute` | none | an attribute of the mesh in place of its (u, v) |
 /// | `raw` | `false` | take integer samples as they are, not as sRGB; `true` for normal maps |
 /// | `to_uv` | identity | affine map applied to (u, v) first |
 /// | `format` | `auto` | storage in Mitsuba: `auto`, `variant`, `fp16`; no effect here |
@@ -48,7 +52,9 @@ pub enum WrapMode {
 pub struct Bitmap {
     texels: Texels,
     filter_type: FilterType,
-    wrap_mode: WrapMode,
+    wrap: [WrapMode; 2],
+    scale: Rgb,
+    uv_slot: Option<u8>,
     to_uv: UvMap,
     mean: Rgb,
     max: f32,
@@ -59,9 +65,14 @@ pub struct Bitmap {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lookup {
     pub filter_type: FilterType,
-    pub wrap_mode: WrapMode,
+    pub wrap: [WrapMode; 2],
     pub to_uv: Transform,
     pub raw: bool,
+    /// 0 to 3 for red to alpha alone.
+    pub channel: Option<u8>,
+    pub scale: Rgb,
+    /// The attribute that stands for (u, v).
+    pub uv_slot: Option<u8>,
 }
 
 /// The four texels around a point and where it lies among them.
@@ -76,57 +87,76 @@ impl Bitmap {
     /// Fails on an image that is no texture, or has a texel that is not finite
     /// or below `least`.
     pub(super) fn new(image: Arc<Image>, lookup: &Lookup, least: f32) -> Result<Bitmap> {
-        let texels = Texels::new(image, lookup.raw)?;
+        let texels = Texels::new(image, lookup.raw)?.channel(lookup.channel)?;
         texels.check(least)?;
         let summary = texels.summary();
         Ok(Bitmap {
             texels,
             filter_type: lookup.filter_type,
-            wrap_mode: lookup.wrap_mode,
+            wrap: lookup.wrap,
+            scale: lookup.scale,
+            uv_slot: lookup.uv_slot,
             to_uv: UvMap::new(&lookup.to_uv),
-            mean: summary.mean,
-            max: summary.max,
-            uniform: summary.uniform,
+            mean: summary.mean * lookup.scale,
+            max: summary.max * lookup.scale.max_element(),
+            uniform: summary.uniform.map(|c| c * lookup.scale),
         })
     }
 
     pub(super) fn example(width: u32, height: u32, channels: u32) -> Bitmap {
         let lookup = Lookup {
             filter_type: FilterType::Bilinear,
-            wrap_mode: WrapMode::Repeat,
+            wrap: [WrapMode::Repeat; 2],
             to_uv: Transform::IDENTITY,
             raw: false,
+            channel: None,
+            scale: Rgb::ONE,
+            uv_slot: None,
         };
         Bitmap::new(example_image(width, height, channels), &lookup, 0.0).expect("the example is an image")
     }
 
-    pub(super) fn eval(&self, uv: Vec2) -> Rgb {
-        let uv = self.to_uv.map(uv);
-        match self.filter_type {
-            FilterType::Nearest => {
-                let p = (uv * self.resolution()).floor();
-                self.texels.rgb(
-                    self.wrap(p.x as i64, self.texels.width()),
-                    self.wrap(p.y as i64, self.texels.height()),
-                )
-            }
-            FilterType::Bilinear => {
-                let Corners { values: [v00, v10, v01, v11], w } = self.corners(uv);
-                (v00 * (1.0 - w.x) + v10 * w.x) * (1.0 - w.y) + (v01 * (1.0 - w.x) + v11 * w.x) * w.y
-            }
+    /// The (u, v) that it is looked up at, before `to_uv`.
+    #[inline]
+    fn uv(&self, at: &Coords) -> Vec2 {
+        match self.uv_slot {
+            None => at.uv,
+            Some(slot) => at.attribute(slot).truncate().truncate(),
         }
     }
 
-    pub(super) fn eval_scalar(&self, uv: Vec2) -> f32 {
-        scalar(self.eval(uv))
+    pub(super) fn reads_attributes(&self) -> bool {
+        self.uv_slot.is_some()
     }
 
-    pub(super) fn gradient(&self, uv: Vec2) -> (f32, f32) {
+    pub(super) fn eval(&self, at: &Coords) -> Rgb {
+        let uv = self.to_uv.map(self.uv(at));
+        self.scale
+            * match self.filter_type {
+                FilterType::Nearest => {
+                    let p = (uv * self.resolution()).floor();
+                    self.texels.rgb(
+                        wrap(self.wrap[0], p.x as i64, self.texels.width()),
+                        wrap(self.wrap[1], p.y as i64, self.texels.height()),
+                    )
+                }
+                FilterType::Bilinear => {
+                    let Corners { values: [v00, v10, v01, v11], w } = self.corners(uv);
+                    (v00 * (1.0 - w.x) + v10 * w.x) * (1.0 - w.y) + (v01 * (1.0 - w.x) + v11 * w.x) * w.y
+                }
+            }
+    }
+
+    pub(super) fn eval_scalar(&self, at: &Coords) -> f32 {
+        scalar(self.eval(at))
+    }
+
+    pub(super) fn gradient(&self, at: &Coords) -> (f32, f32) {
         if self.filter_type == FilterType::Nearest {
             return (0.0, 0.0);
         }
-        let Corners { values, w } = self.corners(self.to_uv.map(uv));
-        let [f00, f10, f01, f11] = values.map(scalar);
+        let Corners { values, w } = self.corners(self.to_uv.map(self.uv(at)));
+        let [f00, f10, f01, f11] = values.map(|v| scalar(v * self.scale));
         let per_texel = Vec2::new(
             (1.0 - w.y) * (f10 - f00) + w.y * (f11 - f01),
             (1.0 - w.x) * (f01 - f00) + w.x * (f11 - f10),
@@ -162,22 +192,23 @@ impl Bitmap {
         let p = uv * self.resolution() - Vec2::splat(0.5);
         let cell = p.floor();
         let (x, y) = (cell.x as i64, cell.y as i64);
-        let xs = [x, x.saturating_add(1)].map(|x| self.wrap(x, self.texels.width()));
-        let ys = [y, y.saturating_add(1)].map(|y| self.wrap(y, self.texels.height()));
+        let xs = [x, x.saturating_add(1)].map(|x| wrap(self.wrap[0], x, self.texels.width()));
+        let ys = [y, y.saturating_add(1)].map(|y| wrap(self.wrap[1], y, self.texels.height()));
         let at = |i: usize, j: usize| self.texels.rgb(xs[i], ys[j]);
         Corners { values: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], w: p - cell }
     }
+}
 
-    fn wrap(&self, i: i64, size: u32) -> u32 {
-        let n = i64::from(size);
-        let wrapped = match self.wrap_mode {
-            WrapMode::Repeat => i.rem_euclid(n),
-            WrapMode::Clamp => i.clamp(0, n - 1),
-            WrapMode::Mirror => {
-                let m = i.rem_euclid(2 * n);
-                m.min(2 * n - 1 - m)
-            }
-        };
-        wrapped as u32
-    }
+/// The texel that stands for texel `i` of an axis.
+fn wrap(mode: WrapMode, i: i64, size: u32) -> u32 {
+    let n = i64::from(size);
+    let wrapped = match mode {
+        WrapMode::Repeat => i.rem_euclid(n),
+        WrapMode::Clamp => i.clamp(0, n - 1),
+        WrapMode::Mirror => {
+            let m = i.rem_euclid(2 * n);
+            m.min(2 * n - 1 - m)
+        }
+    };
+    wrapped as u32
 }

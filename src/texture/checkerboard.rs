@@ -1,6 +1,6 @@
 //! Two textures in a checkerboard.
 
-use super::{Bitmap, Texture, UvMap};
+use super::{Bitmap, Coords, Texture, UvMap};
 use crate::math::{Rgb, Transform, Vec2};
 
 /// Squares of half a unit of (u, v) in turn: `color0` where frac u and frac v
@@ -46,16 +46,20 @@ impl Checkerboard {
         if self.even(uv) { &self.color1 } else { &self.color0 }
     }
 
-    pub(super) fn eval(&self, uv: Vec2) -> Rgb {
-        if self.even(uv) { self.color0.eval(uv) } else { self.color1.eval(uv) }
+    pub(super) fn eval(&self, at: &Coords) -> Rgb {
+        if self.even(at.uv) { self.color0.eval(*at) } else { self.color1.eval(*at) }
     }
 
-    pub(super) fn eval_scalar(&self, uv: Vec2) -> f32 {
-        self.numeric(uv).eval_scalar(uv)
+    pub(super) fn eval_scalar(&self, at: &Coords) -> f32 {
+        self.numeric(at.uv).eval_scalar(*at)
     }
 
-    pub(super) fn gradient(&self, uv: Vec2) -> (f32, f32) {
-        self.numeric(uv).gradient(uv)
+    pub(super) fn gradient(&self, at: Coords) -> (f32, f32) {
+        self.numeric(at.uv).gradient(at)
+    }
+
+    pub(super) fn reads_attributes(&self) -> bool {
+        self.color0.reads_attributes() || self.color1.reads_attributes()
     }
 
     pub(super) fn mean(&self) -> Rgb {

@@ -8,25 +8,28 @@
 //! |-|-|
 //! | `bitmap` | see [`Bitmap`] |
 //! | `checkerboard` | see [`Checkerboard`] |
+//! | `mesh_attribute` | see [`Attribute`] |
 //! | `srgb`, `rgb` | `color` (or `value`): linear RGB |
 //! | `uniform`, `rawconstant` | `value`: a number (`rawconstant`: or three) |
 //! | `d65` | `scale` (default 1): white in an RGB renderer |
 
+mod attribute;
 mod bitmap;
 mod checkerboard;
 mod parse;
 mod texels;
 
+pub use attribute::{Attribute, Attributes, MAX_ATTRIBUTES};
 pub use bitmap::{Bitmap, FilterType, WrapMode};
 pub use checkerboard::Checkerboard;
-pub use parse::{Usage, texture_from_desc, texture_param, texture_param_opt};
+pub use parse::{Usage, attribute_texture, texture_from_desc, texture_param, texture_param_opt};
 pub use texels::Texels;
 
 use std::sync::Arc;
 
 use crate::color::luminance;
 use crate::desc::{Image, Pixels, kinds};
-use crate::math::{Rgb, Transform, Vec2};
+use crate::math::{Rgb, Transform, Vec2, Vec4};
 
 kinds! {
     /// A colour or number over (u, v).
@@ -38,28 +41,57 @@ kinds! {
         Bitmap(Bitmap) = ["bitmap"],
         /// Two textures in a checkerboard.
         Checkerboard(Checkerboard) = ["checkerboard"],
+        /// Data of the mesh.
+        Attribute(Attribute) = ["mesh_attribute"],
+    }
+}
+
+/// Where a texture is looked up.
+#[derive(Clone, Copy, Debug)]
+pub struct Coords<'a> {
+    /// Texture coordinates.
+    pub uv: Vec2,
+    /// Attributes of the mesh, if somebody has filled them in: zero without.
+    pub attributes: Option<&'a Attributes>,
+}
+
+impl From<Vec2> for Coords<'_> {
+    fn from(uv: Vec2) -> Self {
+        Coords { uv, attributes: None }
+    }
+}
+
+impl Coords<'_> {
+    fn attribute(&self, slot: u8) -> Vec4 {
+        self.attributes.and_then(|a| a.get(usize::from(slot))).copied().unwrap_or(Vec4::ZERO)
     }
 }
 
 impl Texture {
     /// The colour at `uv`.
     #[must_use]
-    pub fn eval(&self, uv: Vec2) -> Rgb {
+    #[inline]
+    pub fn eval<'a>(&self, at: impl Into<Coords<'a>>) -> Rgb {
+        let at = at.into();
         match self {
             Texture::Constant(c) => *c,
-            Texture::Bitmap(t) => t.eval(uv),
-            Texture::Checkerboard(t) => t.eval(uv),
+            Texture::Bitmap(t) => t.eval(&at),
+            Texture::Checkerboard(t) => t.eval(&at),
+            Texture::Attribute(t) => t.eval(&at),
         }
     }
 
     /// The number at `uv`: the value of a grey texture, the luminance of a
     /// coloured one.
     #[must_use]
-    pub fn eval_scalar(&self, uv: Vec2) -> f32 {
+    #[inline]
+    pub fn eval_scalar<'a>(&self, at: impl Into<Coords<'a>>) -> f32 {
+        let at = at.into();
         match self {
             Texture::Constant(c) => scalar(*c),
-            Texture::Bitmap(t) => t.eval_scalar(uv),
-            Texture::Checkerboard(t) => t.eval_scalar(uv),
+            Texture::Bitmap(t) => t.eval_scalar(&at),
+            Texture::Checkerboard(t) => t.eval_scalar(&at),
+            Texture::Attribute(t) => scalar(t.eval(&at)),
         }
     }
 
@@ -69,11 +101,23 @@ impl Texture {
     /// with Mitsuba's `eval_1_grad` but for a rotating `to_uv` on an image that
     /// is not square, where Mitsuba scales by the resolution in the wrong order.
     #[must_use]
-    pub fn gradient(&self, uv: Vec2) -> (f32, f32) {
+    pub fn gradient<'a>(&self, at: impl Into<Coords<'a>>) -> (f32, f32) {
+        let at = at.into();
         match self {
-            Texture::Constant(_) => (0.0, 0.0),
-            Texture::Bitmap(t) => t.gradient(uv),
-            Texture::Checkerboard(t) => t.gradient(uv),
+            Texture::Constant(_) | Texture::Attribute(_) => (0.0, 0.0),
+            Texture::Bitmap(t) => t.gradient(&at),
+            Texture::Checkerboard(t) => t.gradient(at),
+        }
+    }
+
+    /// True when it reads attributes of the mesh.
+    #[must_use]
+    pub fn reads_attributes(&self) -> bool {
+        match self {
+            Texture::Constant(_) => false,
+            Texture::Bitmap(t) => t.reads_attributes(),
+            Texture::Checkerboard(t) => t.reads_attributes(),
+            Texture::Attribute(_) => true,
         }
     }
 
@@ -85,6 +129,7 @@ impl Texture {
             Texture::Constant(c) => *c,
             Texture::Bitmap(t) => t.mean(),
             Texture::Checkerboard(t) => t.mean(),
+            Texture::Attribute(t) => t.scale * 0.5,
         }
     }
 
@@ -95,6 +140,7 @@ impl Texture {
             Texture::Constant(c) => c.max_element(),
             Texture::Bitmap(t) => t.max(),
             Texture::Checkerboard(t) => t.max(),
+            Texture::Attribute(t) => t.scale.max_element(),
         }
     }
 
@@ -106,6 +152,7 @@ impl Texture {
             Texture::Constant(c) => Some(*c),
             Texture::Bitmap(t) => t.is_constant(),
             Texture::Checkerboard(t) => t.is_constant(),
+            Texture::Attribute(_) => None,
         }
     }
 
@@ -114,7 +161,7 @@ impl Texture {
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         match self {
-            Texture::Constant(_) => 0,
+            Texture::Constant(_) | Texture::Attribute(_) => 0,
             Texture::Bitmap(t) => t.memory_bytes(),
             Texture::Checkerboard(t) => t.memory_bytes(),
         }

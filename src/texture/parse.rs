@@ -2,7 +2,7 @@
 //! spectrum, or a nested `<texture>`.
 
 use super::bitmap::Lookup;
-use super::{Bitmap, Checkerboard, FilterType, Texture, WrapMode};
+use super::{Attribute, Bitmap, Checkerboard, FilterType, MAX_ATTRIBUTES, Texture, WrapMode};
 use crate::color::{reflectance_spectrum_to_rgb, spectrum_to_rgb};
 use crate::desc::{Category, Error, ObjectId, Params, Pos, Result, SceneDesc, Value};
 use crate::math::{DVec3, Rgb};
@@ -49,6 +49,7 @@ pub fn texture_param_opt(params: &Params, name: &'static str, usage: Usage) -> R
         Value::Int(v) => constant(Rgb::splat(*v as f32)),
         Value::Rgb(c) => constant(DVec3::from(*c).as_vec3()),
         Value::Spectrum(pairs) => constant(spectrum(pairs, usage)),
+        Value::Vector(v) => constant(v.as_vec3()),
         Value::Object(id) if scene.object(*id).category == Category::Texture => {
             texture_from_desc(scene, *id, usage).map(Some)
         }
@@ -91,6 +92,13 @@ pub fn texture_from_desc(scene: &SceneDesc, id: ObjectId, usage: Usage) -> Resul
             &params.transform("to_uv")?,
         )
         .into(),
+        "mesh_attribute" => {
+            let name = params
+                .string_opt("name")?
+                .ok_or_else(|| params.error("texture `mesh_attribute` needs a `name`"))?;
+            let slot = attribute_slot(&params, "name", name)?;
+            Texture::Attribute(Attribute { slot, scale: params.rgb("scale", Rgb::ONE)? })
+        }
         "srgb" | "rgb" => {
             let name = if params.has("value") { "value" } else { "color" };
             required(&params, name, usage)?
@@ -113,6 +121,22 @@ fn required(params: &Params, name: &'static str, usage: Usage) -> Result<Texture
         .ok_or_else(|| params.error(format!("texture `{}` needs a colour `{name}`", params.object().plugin)))
 }
 
+/// The slot of a mesh attribute.
+fn attribute_slot(params: &Params, parameter: &str, name: &str) -> Result<u8> {
+    let names = params.scene().attribute_names();
+    match names.iter().position(|n| n == name) {
+        Some(slot) if slot < MAX_ATTRIBUTES => Ok(slot as u8),
+        _ => Err(params
+            .error_at(parameter, format!("textures read more than {MAX_ATTRIBUTES} attributes of meshes"))
+            .hint("put several numbers into one attribute")),
+    }
+}
+
+/// A mesh attribute by name, as a texture.
+pub fn attribute_texture(params: &Params, name: &str) -> Result<Texture> {
+    Ok(Texture::Attribute(Attribute { slot: attribute_slot(params, name, name)?, scale: Rgb::ONE }))
+}
+
 fn bitmap(params: &Params, usage: Usage) -> Result<Texture> {
     params.string_opt("filename")?;
     // Both change only how Mitsuba stores the image: read to check them.
@@ -122,16 +146,34 @@ fn bitmap(params: &Params, usage: Usage) -> Result<Texture> {
         "nearest" => FilterType::Nearest,
         _ => FilterType::Bilinear,
     };
-    let wrap_mode = match params.choice("wrap_mode", &["repeat", "mirror", "clamp"], "repeat")? {
-        "mirror" => WrapMode::Mirror,
-        "clamp" => WrapMode::Clamp,
-        _ => WrapMode::Repeat,
+    const MODES: &[&str] = &["repeat", "mirror", "clamp"];
+    let both = params.choice("wrap_mode", MODES, "repeat")?;
+    let wrap = |name| -> Result<WrapMode> {
+        Ok(match params.choice(name, MODES, both)? {
+            "mirror" => WrapMode::Mirror,
+            "clamp" => WrapMode::Clamp,
+            _ => WrapMode::Repeat,
+        })
+    };
+    let channel = match params.choice("channel", &["rgb", "r", "g", "b", "a"], "rgb")? {
+        "r" => Some(0),
+        "g" => Some(1),
+        "b" => Some(2),
+        "a" => Some(3),
+        _ => None,
+    };
+    let uv_slot = match params.string_opt("uv_attribute")? {
+        Some(name) => Some(attribute_slot(params, "uv_attribute", name)?),
+        None => None,
     };
     let lookup = Lookup {
         filter_type,
-        wrap_mode,
+        wrap: [wrap("wrap_mode_u")?, wrap("wrap_mode_v")?],
         to_uv: params.transform("to_uv")?,
         raw: params.bool("raw", usage == Usage::Vector)?,
+        channel,
+        scale: params.rgb("scale", Rgb::ONE)?,
+        uv_slot,
     };
     let image = params.image().ok_or_else(|| params.error("texture `bitmap` needs an image `filename`"))?;
     let place = |e: Error| {

@@ -24,6 +24,8 @@ fn table(max: u32, decode: impl Fn(f32) -> f32) -> Vec<f32> {
 pub struct Texels {
     image: Arc<Image>,
     decode: &'static [f32],
+    /// The one channel that is read.
+    only: Option<u8>,
 }
 
 /// What a pass over all texels finds.
@@ -63,7 +65,30 @@ impl Texels {
             ))
             .hint("an image needs at least one pixel and 1 to 4 channels"));
         }
-        Ok(Texels { image, decode })
+        Ok(Texels { image, decode, only: None })
+    }
+
+    /// The same with one channel (0 to 3 for red to alpha) in all three
+    /// places. Alpha is linear. Fails when the image has no such channel; red,
+    /// green and blue of a grey image are its grey.
+    pub fn channel(self, only: Option<u8>) -> Result<Texels> {
+        let Some(channel) = only else { return Ok(self) };
+        let grey = self.is_grey();
+        let index = match (channel, self.image.channels) {
+            (3, 2) => 1,
+            (3, 4) => 3,
+            (3, _) => {
+                return Err(Error::new(format!("image `{}` has no alpha channel", self.image.name)));
+            }
+            (_, _) if grey => 0,
+            (c, _) => c,
+        };
+        let decode: &'static [f32] = match &self.image.pixels {
+            Pixels::U8(_) if channel == 3 => &RAW_8,
+            Pixels::U16(_) if channel == 3 => &RAW_16,
+            _ => self.decode,
+        };
+        Ok(Texels { only: Some(index), decode, ..self })
     }
 
     /// Pixels per row, at least 1.
@@ -78,10 +103,10 @@ impl Texels {
         self.image.height
     }
 
-    /// True when the image has a single colour channel.
+    /// True when it has a single colour channel.
     #[must_use]
     pub fn is_grey(&self) -> bool {
-        self.image.channels <= 2
+        self.image.channels <= 2 || self.only.is_some()
     }
 
     /// The name of the image, as the user would name it.
@@ -98,6 +123,14 @@ impl Texels {
         debug_assert!(x < self.image.width && y < self.image.height, "texel ({x}, {y})");
         let channels = self.image.channels as usize;
         let i = (y as usize * self.image.width as usize + x as usize) * channels;
+        if let Some(only) = self.only {
+            let i = i + usize::from(only);
+            return Rgb::splat(match &self.image.pixels {
+                Pixels::U8(v) => self.decode[usize::from(v[i])],
+                Pixels::U16(v) => self.decode[usize::from(v[i])],
+                Pixels::F32(v) => v[i],
+            });
+        }
         if channels >= 3 {
             match &self.image.pixels {
                 Pixels::U8(v) => {

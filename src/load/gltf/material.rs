@@ -200,7 +200,16 @@ impl<'a> Materials<'a> {
         if material.double_sided {
             objects.warn(place, "glows on its front only, though it is double-sided");
         }
-        let texture = material.emissive_texture.as_ref();
+        let texture = material.emissive_texture.as_ref().filter(|info| {
+            let first = uv_set(info) == 0;
+            if !first {
+                objects.warn(
+                    place,
+                    "glows without its texture, which is laid out by a second set of coordinates",
+                );
+            }
+            first
+        });
         let textured =
             texture.and_then(|info| self.images.texture(objects, self.source, info, Use::color(factor)));
         let radiance = textured.unwrap_or(Value::Rgb(factor));
@@ -218,7 +227,7 @@ impl<'a> Materials<'a> {
     ) -> Look {
         let pbr = &material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|c| c.max(0.0));
-        let texture = pbr.base_color_texture.as_ref();
+        let texture = pbr.base_color_texture.as_ref().filter(|info| uv_set(info) == 0);
         let textured =
             texture.and_then(|info| self.images.texture(objects, self.source, info, Use::color([r, g, b])));
         let radiance = match (textured, vertex.rgb) {
@@ -229,11 +238,8 @@ impl<'a> Materials<'a> {
                 texture
             }
             (None, true) => {
-                let mut params = vec![("name", Value::String("vertex_color".into()))];
-                if [r, g, b] != [1.0; 3] {
-                    params.push(("scale", Value::Rgb([r, g, b])));
-                }
-                Value::Object(objects.add(Category::Texture, "mesh_attribute", pos, params))
+                objects.warn(place, "is unlit: it is shown without the colours of the vertices");
+                Value::Rgb([r, g, b])
             }
             (None, false) => Value::Rgb([r, g, b]),
         };
