@@ -8,7 +8,8 @@ mod common;
 use common::chi2::{Grid, chi2, sidak};
 use etendue::bsdf::{
     Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic,
-    RoughConductor, RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
+    Principled, PrincipledBase, PrincipledThin, RoughConductor, RoughDielectric, RoughPlastic,
+    RoughPlasticTable, ThinDielectric,
 };
 use etendue::color::conductor;
 use etendue::math::{ONE_MINUS_EPSILON, Rgb, Vec2, Vec3};
@@ -164,11 +165,14 @@ fn weight_is_eval_over_pdf() {
 fn light_may_go_either_way() {
     let mut rng = Pcg64::seed_from_u64(11);
     let mut checked = 0;
-    // A coat in a frame of its own is weighed by its own cosine.
-    for (name, bsdf) in examples().into_iter().filter(|(name, _)| !name.contains("own normal")) {
+    // A coat in a frame of its own is weighed by its own cosine. Mitsuba's thin
+    // transmission leaves out facets by one of the two directions.
+    let one_way = ["gltf coat with its own normal", "principledthin pane", "principledthin of everything"];
+    for (name, bsdf) in examples().into_iter().filter(|(name, _)| !one_way.contains(&name.as_str())) {
         let inside = match bsdf {
             Bsdf::RoughDielectric(b) => b.eta,
             Bsdf::Layered(b) => b.eta(),
+            Bsdf::Principled(b) => b.base.eta,
             _ => 1.0,
         };
         for _ in 0..300 {
@@ -274,7 +278,9 @@ fn no_more_light_leaves_than_comes() {
             if lossless && a.min_element() < 1.0 - if coarse { 3e-3 } else { 2e-3 } {
                 failures.push(format!("{name} at {theta}°: {a} is lossy"));
             }
-            if a.max_element() > 1.0 + 5e-4 || !(a.min_element() >= 0.0) {
+            // As Burley's model is: bright at grazing.
+            let most = if name.starts_with("principled") { 1.6 } else { 1.0 + 5e-4 };
+            if a.max_element() > most || !(a.min_element() >= 0.0) {
                 failures.push(format!("{name} at {theta}°: {a}"));
             }
             if exact.is_some_and(|e| (a - e).abs().max_element() > 5e-4) {
@@ -366,6 +372,68 @@ fn reference_bsdf<'a>(name: &str, tables: &'a [RoughPlasticTable]) -> Bsdf<'a> {
     }
 }
 
+enum Either {
+    Solid(Principled),
+    Thin(PrincipledThin),
+}
+
+/// The principled ones of them.
+fn reference_principled(name: &str) -> Option<Either> {
+    let grey = Rgb::new(0.9, 0.5, 0.1);
+    let plain = PrincipledBase {
+        base_color: Rgb::splat(0.5),
+        roughness: 0.5,
+        anisotropic: 0.0,
+        spec_trans: 0.0,
+        eta: 1.5,
+        spec_tint: 0.0,
+        sheen: 0.0,
+        sheen_tint: 0.0,
+        flatness: 0.0,
+    };
+    let coloured = PrincipledBase { base_color: grey, ..plain };
+    let all = PrincipledBase {
+        base_color: Rgb::new(0.8, 0.4, 0.2),
+        roughness: 0.45,
+        anisotropic: 0.5,
+        spec_trans: 0.4,
+        spec_tint: 0.3,
+        sheen: 0.6,
+        sheen_tint: 0.5,
+        flatness: 0.5,
+        ..plain
+    };
+    let solid = |base, metallic, clearcoat, clearcoat_gloss| {
+        Some(Either::Solid(Principled { base, metallic, clearcoat, clearcoat_gloss, rates: [1.0; 3] }))
+    };
+    let thin = |base, diff_trans| Some(Either::Thin(PrincipledThin { base, diff_trans, rates: [1.0; 4] }));
+    // η of `specular` 0.7
+    let eta = 2.0 / (1.0 - (0.08f32 * 0.7).sqrt()) - 1.0;
+    match name {
+        "PrincipledDefault" => solid(plain, 0.0, 0.0, 0.0),
+        "PrincipledMetal" => {
+            solid(PrincipledBase { roughness: 0.3, anisotropic: 0.8, ..coloured }, 1.0, 0.0, 0.0)
+        }
+        "PrincipledCloth" => solid(
+            PrincipledBase { roughness: 0.9, sheen: 1.0, sheen_tint: 0.7, flatness: 0.6, ..coloured },
+            0.0,
+            0.0,
+            0.0,
+        ),
+        "PrincipledCoat" => solid(PrincipledBase { eta, spec_tint: 0.8, ..coloured }, 0.0, 1.0, 0.4),
+        "PrincipledGlass" => solid(PrincipledBase { spec_trans: 1.0, eta: 1.4, ..coloured }, 0.0, 0.0, 0.0),
+        "PrincipledBubble" => solid(PrincipledBase { spec_trans: 0.8, eta: 0.8, ..plain }, 0.3, 0.5, 0.0),
+        "PrincipledAll" => solid(all, 0.3, 0.5, 0.5),
+        "ThinDefault" => thin(plain, 0.0),
+        "ThinPane" => thin(
+            PrincipledBase { spec_trans: 1.0, eta: 1.6, roughness: 0.3, spec_tint: 0.5, ..coloured },
+            0.0,
+        ),
+        "ThinAll" => thin(all, 0.7),
+        _ => None,
+    }
+}
+
 fn reference_tables() -> Vec<RoughPlasticTable> {
     use Distribution::{Beckmann, Ggx};
     let table = |(kind, alpha, eta)| RoughPlasticTable::new(kind, alpha, eta);
@@ -378,10 +446,14 @@ fn reference_tables() -> Vec<RoughPlasticTable> {
 fn values_agree_with_mitsuba() {
     let tables = reference_tables();
     let mut failures = Vec::new();
-    assert!(reference::EVAL.len() > 80);
+    assert!(reference::EVAL.len() > 300, "{}", reference::EVAL.len());
     for &(name, wo_theta, wo_phi, wi_theta, wi_phi, expected) in reference::EVAL {
-        let bsdf = reference_bsdf(name, &tables);
-        let value = bsdf.eval(direction(wo_theta, wo_phi), direction(wi_theta, wi_phi));
+        let (wo, wi) = (direction(wo_theta, wo_phi), direction(wi_theta, wi_phi));
+        let value = match reference_principled(name) {
+            Some(Either::Solid(surface)) => Bsdf::from(&surface).eval(wo, wi),
+            Some(Either::Thin(surface)) => Bsdf::from(&surface).eval(wo, wi),
+            None => reference_bsdf(name, &tables).eval(wo, wi),
+        };
         let expected = Rgb::from_array(expected);
         let error = (value / expected - 1.0).abs().max_element();
         if !(error < 1.5e-4) {

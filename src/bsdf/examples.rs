@@ -24,6 +24,7 @@ pub(super) fn examples() -> Named {
     plastics(&mut list);
     rough_plastics(&mut list);
     super::examples_gltf::push(&mut list);
+    super::examples_principled::push(&mut list);
     list
 }
 

@@ -25,6 +25,11 @@ pub struct Fresnel {
     pub eta_ti: f32,
 }
 
+impl Fresnel {
+    /// Nothing is reflected and nothing bends.
+    pub(super) const NONE: Fresnel = Fresnel { r: 0.0, cos_t: -1.0, eta_it: 1.0, eta_ti: 1.0 };
+}
+
 /// Fresnel reflectance of a dielectric for `cos_i` in [−1, 1], the cosine with
 /// a normal that points to the outside; `eta` = η_inside/η_outside.
 #[must_use]

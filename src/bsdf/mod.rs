@@ -21,6 +21,7 @@ mod energy_coat;
 mod energy_glass;
 mod examples;
 mod examples_gltf;
+mod examples_principled;
 mod film;
 pub mod fresnel;
 mod layered;
@@ -28,6 +29,7 @@ mod metal_rough;
 pub mod microfacet;
 mod null;
 mod plastic;
+mod principled;
 mod quadrature;
 mod rough_conductor;
 mod rough_dielectric;
@@ -47,6 +49,7 @@ pub use metal_rough::{MetalRough, Substance};
 pub use microfacet::{Distribution, Microfacet};
 pub use null::Null;
 pub use plastic::Plastic;
+pub use principled::{Principled, PrincipledBase, PrincipledThin};
 pub use rough_conductor::RoughConductor;
 pub use rough_dielectric::RoughDielectric;
 pub use rough_plastic::{RoughPlastic, RoughPlasticTable};
@@ -79,6 +82,10 @@ kinds! {
         MetalRough(&'a MetalRough) = ["gltf"],
         /// A glTF surface with layers.
         Layered(&'a Layered<'a>) = ["gltf"],
+        /// Mitsuba's principled surface.
+        Principled(&'a Principled) = ["principled"],
+        /// Mitsuba's principled sheet.
+        PrincipledThin(&'a PrincipledThin) = ["principledthin"],
         /// Nothing at all: light passes.
         Null(Null) = ["null"],
     }
@@ -134,6 +141,8 @@ macro_rules! each {
             Bsdf::RoughPlastic($kind) => $body,
             Bsdf::MetalRough($kind) => $body,
             Bsdf::Layered($kind) => $body,
+            Bsdf::Principled($kind) => $body,
+            Bsdf::PrincipledThin($kind) => $body,
             Bsdf::Null($kind) => $body,
         }
     };
@@ -171,7 +180,11 @@ impl Bsdf<'_> {
     #[must_use]
     pub fn is_delta_only(&self) -> bool {
         match self {
-            Bsdf::Diffuse(_) | Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) => false,
+            Bsdf::Diffuse(_)
+            | Bsdf::Plastic(_)
+            | Bsdf::RoughPlastic(_)
+            | Bsdf::Principled(_)
+            | Bsdf::PrincipledThin(_) => false,
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::Conductor(_) | Bsdf::Null(_) => true,
             Bsdf::RoughConductor(kind) => kind.distribution.is_delta(),
             Bsdf::RoughDielectric(kind) => kind.is_delta_only(),
@@ -190,7 +203,9 @@ impl Bsdf<'_> {
             | Bsdf::Plastic(_)
             | Bsdf::RoughPlastic(_)
             | Bsdf::MetalRough(_)
-            | Bsdf::Layered(_) => true,
+            | Bsdf::Layered(_)
+            | Bsdf::Principled(_)
+            | Bsdf::PrincipledThin(_) => true,
             Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::RoughConductor(_) | Bsdf::Null(_) => false,
         }
     }
@@ -213,7 +228,12 @@ impl Bsdf<'_> {
             | Bsdf::RoughPlastic(_) => true,
             Bsdf::MetalRough(kind) => kind.is_one_sided(),
             Bsdf::Layered(kind) => kind.is_one_sided(),
-            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_) | Bsdf::Null(_) => false,
+            Bsdf::Principled(kind) => !kind.transmits(),
+            Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::RoughDielectric(_)
+            | Bsdf::PrincipledThin(_)
+            | Bsdf::Null(_) => false,
         }
     }
 

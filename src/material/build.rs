@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use super::gltf::Gltf;
 use super::perturb::{Map, Perturbation};
+use super::principled::PrincipledSurface;
 use super::surface::{Coating, Roughness, Surface};
 use super::{Material, WHITE};
 use crate::bsdf::{Coat, Distribution, GlassTable, RoughPlasticTable};
@@ -24,6 +25,8 @@ pub const NAMES: &[&str] = &[
     "roughconductor",
     "plastic",
     "roughplastic",
+    "principled",
+    "principledthin",
     "gltf",
     "twosided",
     "mask",
@@ -186,6 +189,9 @@ fn surface(params: &Params, name: &str) -> Result<Option<Surface>> {
         },
         "conductor" | "roughconductor" => conductor(params, name == "roughconductor")?,
         "plastic" | "roughplastic" => plastic(params, name == "roughplastic")?,
+        "principled" | "principledthin" => {
+            Surface::Principled(Box::new(PrincipledSurface::new(params, name == "principledthin")?))
+        }
         "null" => Surface::Null,
         _ => return Ok(None),
     }))

@@ -10,6 +10,7 @@
 mod build;
 mod gltf;
 mod perturb;
+mod principled;
 mod scatter;
 mod surface;
 

@@ -6,7 +6,7 @@
 
 use smallvec::SmallVec;
 
-use crate::bsdf::{Bsdf, BsdfSample, Layered, MetalRough};
+use crate::bsdf::{Bsdf, BsdfSample, Layered, MetalRough, Principled, PrincipledThin};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
 
 /// One bsdf in its frame.
@@ -39,6 +39,10 @@ pub enum Stored<'a> {
     MetalRough(MetalRough),
     /// A glTF surface with layers.
     Layered(Layered<'a>),
+    /// Mitsuba's principled surface.
+    Principled(Principled),
+    /// Mitsuba's principled sheet.
+    PrincipledThin(PrincipledThin),
 }
 
 impl Stored<'_> {
@@ -47,6 +51,8 @@ impl Stored<'_> {
         match self {
             Stored::MetalRough(surface) => surface.into(),
             Stored::Layered(surface) => surface.into(),
+            Stored::Principled(surface) => surface.into(),
+            Stored::PrincipledThin(surface) => surface.into(),
         }
     }
 }

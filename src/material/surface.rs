@@ -1,6 +1,7 @@
 //! The leaves of a material: one bsdf, its parameters read from textures.
 
 use super::gltf::Gltf;
+use super::principled::PrincipledSurface;
 use super::{Lobe, Point, Scatter};
 use crate::bsdf::{
     Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor,
@@ -62,6 +63,8 @@ pub enum Surface {
     },
     /// `gltf`.
     Gltf(Box<Gltf>),
+    /// `principled` and `principledthin`.
+    Principled(Box<PrincipledSurface>),
     /// `null`: nothing there.
     Null,
 }
@@ -101,6 +104,7 @@ impl Surface {
     pub fn put<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
         match self {
             Surface::Gltf(surface) => surface.put(point, outer, out),
+            Surface::Principled(surface) => out.push_stored(outer, surface.at(point.coords())),
             plain => out.push(outer, plain.at(point.coords())),
         }
     }
@@ -146,7 +150,7 @@ impl Surface {
                     }
                 }
             }
-            Surface::Gltf(_) | Surface::Null => Null.into(),
+            Surface::Gltf(_) | Surface::Principled(_) | Surface::Null => Null.into(),
         }
     }
 
@@ -162,6 +166,7 @@ impl Surface {
             Surface::Plastic { coat: Coating::Smooth(_), .. } => "plastic",
             Surface::Plastic { .. } => "roughplastic",
             Surface::Gltf(_) => "gltf",
+            Surface::Principled(surface) => surface.name(),
             Surface::Null => "null",
         }
     }
@@ -186,6 +191,7 @@ impl Surface {
             }
             Surface::Plastic { diffuse, specular, .. } => vec![diffuse, specular],
             Surface::Gltf(surface) => surface.textures(),
+            Surface::Principled(surface) => surface.textures(),
             Surface::Null => Vec::new(),
         }
     }
@@ -196,6 +202,7 @@ impl Surface {
             Surface::RoughDielectric { roughness, .. }
             | Surface::Conductor { roughness: Some(roughness), .. } => roughness.alpha_v.is_some(),
             Surface::Gltf(surface) => surface.is_anisotropic(),
+            Surface::Principled(surface) => surface.is_anisotropic(),
             _ => false,
         }
     }
@@ -215,7 +222,8 @@ impl Surface {
             Surface::Dielectric { .. }
             | Surface::RoughDielectric { .. }
             | Surface::Plastic { .. }
-            | Surface::Gltf(_) => true,
+            | Surface::Gltf(_)
+            | Surface::Principled(_) => true,
             Surface::Diffuse { .. } | Surface::Conductor { .. } | Surface::Null => false,
         }
     }
@@ -230,6 +238,7 @@ impl Surface {
         match self {
             Surface::Dielectric { .. } | Surface::RoughDielectric { .. } | Surface::Null => true,
             Surface::Gltf(surface) => surface.transmits(),
+            Surface::Principled(surface) => surface.transmits(),
             _ => false,
         }
     }

@@ -45,6 +45,29 @@ SMOOTH = [
                            "int_ior": 1.5, "ext_ior": 1.0}),
 ]
 
+ALL = {"base_color": {"type": "rgb", "value": [0.8, 0.4, 0.2]}, "roughness": 0.45, "anisotropic": 0.5,
+       "spec_trans": 0.4, "spec_tint": 0.3, "sheen": 0.6, "sheen_tint": 0.5, "flatness": 0.5}
+
+PRINCIPLED = [
+    ("PrincipledDefault", {"type": "principled"}),
+    ("PrincipledMetal", {"type": "principled", "base_color": GREY, "metallic": 1.0, "roughness": 0.3,
+                         "anisotropic": 0.8}),
+    ("PrincipledCloth", {"type": "principled", "base_color": GREY, "roughness": 0.9, "sheen": 1.0,
+                         "sheen_tint": 0.7, "flatness": 0.6}),
+    ("PrincipledCoat", {"type": "principled", "base_color": GREY, "specular": 0.7, "spec_tint": 0.8,
+                        "clearcoat": 1.0, "clearcoat_gloss": 0.4}),
+    ("PrincipledGlass", {"type": "principled", "base_color": GREY, "spec_trans": 1.0, "eta": 1.4,
+                         "roughness": 0.5}),
+    ("PrincipledBubble", {"type": "principled", "spec_trans": 0.8, "eta": 0.8, "metallic": 0.3,
+                          "clearcoat": 0.5}),
+    ("PrincipledAll", {"type": "principled", "metallic": 0.3, "clearcoat": 0.5, "clearcoat_gloss": 0.5,
+                       **ALL}),
+    ("ThinDefault", {"type": "principledthin"}),
+    ("ThinPane", {"type": "principledthin", "base_color": GREY, "spec_trans": 1.0, "eta": 1.6,
+                  "roughness": 0.3, "spec_tint": 0.5}),
+    ("ThinAll", {"type": "principledthin", "diff_trans": 0.7, **ALL}),
+]
+
 DELTA = [
     ("Dielectric", {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0,
                     "specular_reflectance": {"type": "rgb", "value": 0.8}}),
@@ -59,6 +82,13 @@ PAIRS = [
     ((0, 0), (20, 0)), ((30, 0), (30, 180)), ((30, 40), (35, 200)), ((60, 90), (10, 10)),
     ((75, 20), (80, 210)), ((88, 0), (85, 170)), ((45, 10), (150, 200)), ((20, 0), (165, 190)),
     ((140, 30), (50, 215)), ((130, 30), (120, 215)), ((160, 0), (20, 170)),
+]
+
+# More of them, evenly spread, for surfaces with many lobes.
+MANY = PAIRS + [
+    ((round(i * 61.8 % 177 + 1.5, 1), round(i * 137.5 % 360, 1)),
+     (round(i * 38.2 % 177 + 1.5, 1), round(i * 222.5 % 360, 1)))
+    for i in range(1, 41)
 ]
 
 
@@ -101,12 +131,12 @@ def main():
     print("#[rustfmt::skip]")
     print("pub const EVAL: &[Eval] = &[")
     ctx = mi.BSDFContext()
-    for name, description in SMOOTH:
+    for name, description in SMOOTH + PRINCIPLED:
         bsdf = mi.load_dict(description)
-        for wo, wi in PAIRS:
+        for wo, wi in MANY if (name, description) in PRINCIPLED else PAIRS:
             value = bsdf.eval(ctx, interaction(direction(*wo)), direction(*wi))
             if max(value) > 0:
-                print(f'    ("{name}", {wo[0]}.0, {wo[1]}.0, {wi[0]}.0, {wi[1]}.0, {numbers(value)}),')
+                print(f'    ("{name}", {float(wo[0])}, {float(wo[1])}, {float(wi[0])}, {float(wi[1])}, {numbers(value)}),')
     print("];")
     print()
     print("#[rustfmt::skip]")
