@@ -225,9 +225,17 @@ pub fn texel(image: &Image, index: usize) -> [f32; 4] {
     }
 }
 
-/// True if an image has an alpha channel.
+/// True if anything of an image is not opaque.
 pub fn has_alpha(image: &Image) -> bool {
-    image.channels == 2 || image.channels == 4
+    let channels = image.channels as usize;
+    if channels % 2 == 1 {
+        return false;
+    }
+    match &image.pixels {
+        Pixels::U8(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u8::MAX),
+        Pixels::U16(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u16::MAX),
+        Pixels::F32(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != 1.0),
+    }
 }
 
 fn bitmap(
