@@ -52,22 +52,20 @@ struct Builder<'a> {
 }
 
 /// Builds the scene description.
-pub fn build(source: &Source, options: &LoadOptions, mut warnings: Vec<String>) -> Result<SceneDesc> {
+pub fn build(source: &Source, options: &LoadOptions, mut objects: Objects) -> Result<SceneDesc> {
     let root = &source.root;
     let hierarchy = Hierarchy::new(root)?;
     let visible = hierarchy.visible(root)?;
     if visible.is_empty() {
         return Err(fail("scenes", "the file shows nothing: no scene of it has nodes"));
     }
-    let tracks = Tracks::read(source, options, &mut warnings)?;
+    let tracks = Tracks::read(source, options, &mut objects.desc.warnings)?;
     let stage = Stage::new(hierarchy, tracks, Shutter::of(options));
     let variants = root.extensions.variants.variants.iter().map(|v| v.name.as_str());
     let variant = options.variant.as_deref().map(|name| choose("variant", name, variants)).transpose()?;
     let copies = copies(source, &visible)?;
     let used = used_materials(source, copies.keys(), variant)?;
-    let images = Images::decode(source, used.into_iter(), options, &mut warnings)?;
-    let mut objects = Objects::new(&source.name);
-    objects.desc.warnings = warnings;
+    let images = Images::decode(source, used.into_iter(), options, &mut objects.desc)?;
     let mut builder = Builder {
         source,
         stage: &stage,
