@@ -628,6 +628,26 @@ fn extensions_that_nobody_knows() {
     );
 }
 
+/// What a lenient scene goes without.
+#[test]
+fn leniency() {
+    let mut file = Gltf::with_material(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0},
+        "baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicRoughnessTexture": {"index": 1}}}));
+    file.json["textures"] = json!([{"source": 0}, {"extensions": {"KHR_texture_basisu": {"source": 0}}}]);
+    file.json["images"] = json!([{"uri": "lost.png"}]);
+    file.json["extensionsRequired"] = json!(["ACME_fur"]);
+    let scene = file.load_with(&LoadOptions { lenient: true, ..LoadOptions::default() }).unwrap();
+    assert_eq!(rgb(only(&scene, Category::Bsdf, "gltf"), "base_color"), [0.5; 3]);
+    let notes = scene.replacements();
+    assert_eq!(notes.len(), 3, "{notes:?}");
+    assert_eq!(notes[0], "test.glb: extensionsRequired: `ACME_fur` is not supported; shown without it");
+    assert!(notes[1].starts_with("test.glb: textures[1]: is a KTX2 image"));
+    assert!(
+        notes[2]
+            .starts_with("test.glb: images[0].uri: cannot find the file `lost.png`; its texture is left out")
+    );
+}
+
 #[test]
 fn images_of_other_formats() {
     let mut file = Gltf::with_material(json!({}));

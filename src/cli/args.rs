@@ -118,6 +118,18 @@ pub struct StageArgs {
     pub allow_outside: bool,
 }
 
+impl StageArgs {
+    /// The time asked for in words, for the header of a picture.
+    pub fn time(&self) -> Option<String> {
+        if self.frame.is_none() && self.shutter.is_none() {
+            return None;
+        }
+        let shutter =
+            self.shutter.map_or(String::new(), |[open, close]| format!(", shutter {open} to {close}"));
+        Some(format!("frame {} at {} per second{shutter}", self.frame.unwrap_or(0.0), self.fps))
+    }
+}
+
 impl SceneArgs {
     /// How to load the scene.
     pub fn load_options(&self) -> LoadOptions {

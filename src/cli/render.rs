@@ -104,7 +104,8 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let progress = Progress::new(args.quiet, options.time, open_ended);
     let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
     progress.finish();
-    let header = header(&scene, &integrator, &stats, &options, &origin);
+    let mut header = header(&scene, &integrator, &stats, &options, &origin);
+    header.attributes.extend(args.scene.stage.time().map(|time| ("etendue/time".to_owned(), time)));
     let picture = film.resolve();
     output.write(args, &picture, &header, args.half || scene.film.half)?;
     if let Some(path) = &args.stats {

@@ -32,7 +32,8 @@ mod texture;
 use std::path::Path;
 
 use super::LoadOptions;
-use crate::desc::{Error, Pos, Result, SceneDesc, nearest};
+use crate::desc::{Error, Leniency, Pos, Result, SceneDesc, nearest};
+use objects::Objects;
 use source::Source;
 
 /// Extensions that are read, wholly or with a warning that says what is not.
@@ -110,28 +111,31 @@ pub fn load_bytes(bytes: Vec<u8>, name: &str, folder: &Path, options: &LoadOptio
 }
 
 fn build(source: &Source, options: &LoadOptions) -> Result<SceneDesc> {
-    let mut warnings = Vec::new();
-    extensions(source, &mut warnings)?;
-    scene::build(source, options, warnings)
+    let mut objects = Objects::new(&source.name);
+    if options.lenient {
+        objects.desc.leniency = Leniency::lenient();
+    }
+    extensions(source, &mut objects.desc)?;
+    scene::build(source, options, objects)
 }
 
 /// Refuses what a file requires and nobody knows; says what else is lost.
-fn extensions(source: &Source, warnings: &mut Vec<String>) -> Result<()> {
+fn extensions(source: &Source, scene: &mut SceneDesc) -> Result<()> {
     let known = |name: &&String| KNOWN.contains(&name.as_str());
-    if let Some(name) =
-        source.root.extensions_required.iter().find(|n| !known(n) && !SILENT.contains(&n.as_str()))
-    {
+    let required = &source.root.extensions_required;
+    for name in required.iter().filter(|n| !known(n) && !SILENT.contains(&n.as_str())) {
         let error = fail("extensionsRequired", format!("`{name}` is not supported"));
-        return Err(match name.as_str() {
+        let error = match name.as_str() {
             "KHR_meshopt_compression" => {
                 error.hint("`gltf-transform meshopt` or `gltfpack -cc` write EXT_meshopt_compression")
             }
             "MSFT_texture_dds" => error.hint("convert the images to PNG or JPEG"),
             _ => match nearest(name, KNOWN.iter().copied()) {
                 Some(near) => error.hint(format!("did you mean `{near}`?")),
-                None => error.hint("the file says that it cannot be shown without it"),
+                None => error.hint("the file says that it cannot be shown without it; --lenient tries"),
             },
-        });
+        };
+        scene.replace(error.at(source.name.clone(), Pos::default()), "shown without it")?;
     }
     let lost: Vec<String> = source
         .root
@@ -144,7 +148,7 @@ fn extensions(source: &Source, warnings: &mut Vec<String>) -> Result<()> {
         })
         .collect();
     if !lost.is_empty() {
-        warnings.push(format!(
+        scene.warnings.push(format!(
             "{}: extensions that are not read, with what they add: {}",
             source.name,
             lost.join(", ")

@@ -52,22 +52,20 @@ struct Builder<'a> {
 }
 
 /// Builds the scene description.
-pub fn build(source: &Source, options: &LoadOptions, mut warnings: Vec<String>) -> Result<SceneDesc> {
+pub fn build(source: &Source, options: &LoadOptions, mut objects: Objects) -> Result<SceneDesc> {
     let root = &source.root;
     let hierarchy = Hierarchy::new(root)?;
     let visible = hierarchy.visible(root)?;
     if visible.is_empty() {
         return Err(fail("scenes", "the file shows nothing: no scene of it has nodes"));
     }
-    let tracks = Tracks::read(source, options, &mut warnings)?;
+    let tracks = Tracks::read(source, options, &mut objects.desc.warnings)?;
     let stage = Stage::new(hierarchy, tracks, Shutter::of(options));
     let variants = root.extensions.variants.variants.iter().map(|v| v.name.as_str());
     let variant = options.variant.as_deref().map(|name| choose("variant", name, variants)).transpose()?;
     let copies = copies(source, &visible)?;
     let used = used_materials(source, copies.keys(), variant)?;
-    let images = Images::decode(source, used.into_iter(), options, &mut warnings)?;
-    let mut objects = Objects::new(&source.name);
-    objects.desc.warnings = warnings;
+    let images = Images::decode(source, used.into_iter(), options, &mut objects.desc)?;
     let mut builder = Builder {
         source,
         stage: &stage,
@@ -207,11 +205,15 @@ impl Builder<'_> {
                 parts.entry(mesh).or_default().push(Part { primitive, geometry, material });
             }
         }
-        for (key, copies) in copies {
-            let Some(parts) = parts.get(&key.0) else { continue };
+        for (key, copies_of) in copies {
+            let Some(parts) = parts.get_mut(&key.0) else { continue };
             match key.1 {
-                Some(node) => self.deforming(*key, node, parts, copies)?,
-                None => self.rigid(key.0, parts, copies)?,
+                Some(node) => self.deforming(*key, node, parts, copies_of)?,
+                None => {
+                    // Nobody else needs the vertices, unless a node bends them.
+                    let bent = copies.range((key.0, Some(0))..=(key.0, Some(usize::MAX))).next().is_some();
+                    self.rigid(key.0, parts, copies_of, bent)?;
+                }
             }
         }
         Ok(())
@@ -223,12 +225,14 @@ impl Builder<'_> {
     }
 
     /// A mesh that keeps its shape.
-    fn rigid(&mut self, mesh: usize, parts: &[Part], copies: &[Copy]) -> Result<()> {
+    fn rigid(&mut self, mesh: usize, parts: &mut [Part], copies: &[Copy], keep: bool) -> Result<()> {
         let mut made = Vec::new();
         for part in parts {
             let look = self.look(part)?;
             let place = format!("meshes[{mesh}].primitives[{}]", part.primitive);
-            made.push(self.made(look, part.geometry.mesh.clone(), place));
+            let vertices = &mut part.geometry.mesh;
+            let vertices = if keep { vertices.clone() } else { std::mem::take(vertices) };
+            made.push(self.made(look, vertices, place));
         }
         self.place(mesh, made, copies)
     }

@@ -15,7 +15,7 @@ use super::geometry::uv_attribute;
 use super::json::{Material, TextureInfo};
 use super::objects::Objects;
 use super::source::{Budget, Source, wrap};
-use crate::desc::{Category, Image, Pixels, Result, Value};
+use crate::desc::{Category, Error, Image, Pixels, Pos, Result, SceneDesc, Value};
 use crate::math::{DMat4, DVec4, Transform};
 
 /// All images of a file together may take this many times what one may.
@@ -141,26 +141,41 @@ fn image_of(
 }
 
 impl Images {
-    /// Decodes the images of some materials, in parallel.
+    /// Decodes the images of some materials, in parallel. A lenient scene goes
+    /// without those that cannot be had.
     pub fn decode<'a>(
         source: &Source,
         materials: impl Iterator<Item = (usize, &'a Material)>,
         options: &LoadOptions,
-        warnings: &mut Vec<String>,
+        scene: &mut SceneDesc,
     ) -> Result<Images> {
-        let mut wanted = BTreeSet::new();
+        let missing = |scene: &SceneDesc, error: Error| {
+            scene.replace(error.at(source.name.clone(), Pos::default()), "its texture is left out")
+        };
+        let (mut wanted, mut warnings) = (BTreeSet::new(), Vec::new());
         for (index, material) in materials {
             for info in textures_of(material) {
-                wanted.extend(image_of(source, info.index, &format!("materials[{index}]"), warnings)?);
+                match image_of(source, info.index, &format!("materials[{index}]"), &mut warnings) {
+                    Ok(image) => wanted.extend(image),
+                    Err(error) => missing(scene, error)?,
+                }
             }
         }
         warnings.dedup();
+        scene.warnings.append(&mut warnings);
         let budget = Budget::new(options.max_image_bytes.saturating_mul(ALL_IMAGES));
-        let decoded: Vec<Result<(usize, Arc<Image>)>> = wanted
-            .into_par_iter()
-            .map(|index| Ok((index, Arc::new(decode(source, index, options, &budget)?))))
-            .collect();
-        Ok(Images { decoded: decoded.into_iter().collect::<Result<_>>()?, attached: HashMap::new() })
+        let decoded: Vec<(usize, Result<Image>)> =
+            wanted.into_par_iter().map(|index| (index, decode(source, index, options, &budget))).collect();
+        let mut images = Images::default();
+        for (index, result) in decoded {
+            match result {
+                Ok(image) => {
+                    images.decoded.insert(index, Arc::new(image));
+                }
+                Err(error) => missing(scene, error)?,
+            }
+        }
+        Ok(images)
     }
 
     /// The pixels that a texture shows.
@@ -225,9 +240,17 @@ pub fn texel(image: &Image, index: usize) -> [f32; 4] {
     }
 }
 
-/// True if an image has an alpha channel.
+/// True if anything of an image is not opaque.
 pub fn has_alpha(image: &Image) -> bool {
-    image.channels == 2 || image.channels == 4
+    let channels = image.channels as usize;
+    if channels % 2 == 1 {
+        return false;
+    }
+    match &image.pixels {
+        Pixels::U8(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u8::MAX),
+        Pixels::U16(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u16::MAX),
+        Pixels::F32(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != 1.0),
+    }
 }
 
 fn bitmap(
