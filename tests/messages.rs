@@ -230,7 +230,7 @@ warning: scene.xml:6:46: shape `rectangle` takes no parameter `fuzz`; ignored
         &["render", "scene.xml", "-o", "a.exr", "--spp", "1", "-q", "--lenient"][..],
         &["explain", "scene.xml", "--lenient"],
         &["replay", "scene.xml", "4,4", "--lenient"],
-        &["study", "scene.xml", "-o", "study", "--spp", "1..2", "--repeats", "2", "--lenient", "-q"],
+        &["study", "scene.xml", "-o", "study", "--spp", "1..2", "--repeats", "3", "--lenient", "-q"],
     ] {
         let output = run_in(folder.path(), command);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -256,6 +256,11 @@ fn what_has_no_equal() {
             "replaced by `path`",
         ),
         (
+            "<shape type=\"sphere\"><bsdf type=\"diffuse\"/><bsdf type=\"plastic\"/></shape>",
+            "a shape has one bsdf only: `usemtl` does not part it",
+            "left with the first of them",
+        ),
+        (
             "<texture type=\"gridtexture\"><rgb name=\"color0\" value=\"0.7\"/></texture>",
             "texture `gridtexture` is not known",
             "replaced by its colour between the lines",
@@ -324,6 +329,32 @@ fn old_skies_are_turned() {
     let (turned, to_world, _) = sky(turned);
     assert!((turned - DVec3::new(sun.x, -sun.z, sun.y)).length() < 1e-12);
     assert!((to_world.vector(DVec3::Z) - DVec3::Z).length() < 1e-12);
+}
+
+/// A sun and a sky of the same hour are one surrounding; of different hours
+/// they cannot be.
+#[test]
+fn a_sun_beside_a_sky() {
+    let pair = |hour: u32| {
+        let at = |name: &str, hour: u32| {
+            format!(
+                "<emitter type=\"{name}\"><float name=\"hour\" value=\"{hour}\"/><float name=\"scale\" value=\"2\"/></emitter>"
+            )
+        };
+        strict(&format!("{}{}{SENSOR}", at("sun", 10), at("sky", hour)))
+    };
+    let scene = pair(10);
+    build(&scene).unwrap();
+    let root = scene.object(scene.root);
+    let skies: Vec<&Object> = root
+        .params
+        .iter()
+        .filter_map(|p| if let Value::Object(id) = p.value { Some(scene.object(id)) } else { None })
+        .filter(|o| o.category == Category::Emitter)
+        .collect();
+    assert_eq!(skies.len(), 1);
+    assert_eq!((float(skies[0], "sun_scale"), float(skies[0], "sky_scale")), (2.0, 2.0));
+    assert!(build(&pair(11)).unwrap_err().contains("a scene has one environment only"));
 }
 
 /// Everything that leniency replaces, and what it says.
@@ -420,4 +451,69 @@ fn scenes_as_found() {
         let notes = read(true).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(notes.is_empty(), as_it_is.is_ok(), "{name}: {notes:?}");
     }
+}
+
+/// Parameters of old bitmaps, and the texture `scale`.
+#[test]
+fn old_textures() {
+    let folder = tempfile::tempdir().unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([200, 100, 50])).save(folder.path().join("a.png")).unwrap();
+    let read = |body: &str, lenient: bool| {
+        let xml = format!("<scene version=\"0.6.0\">{body}{SENSOR}</scene>");
+        let options = LoadOptions { lenient, ..LoadOptions::default() };
+        load_str(&xml, folder.path(), &options).map_err(|e| e.to_string())
+    };
+    let bitmap = |more: &str| {
+        format!("<texture type=\"bitmap\"><string name=\"filename\" value=\"a.png\"/>{more}</texture>")
+    };
+    let word = |name: &str, value: &str| format!("<string name=\"{name}\" value=\"{value}\"/>");
+
+    let exact = format!(
+        "{}{}{}<float name=\"gamma\" value=\"1\"/><float name=\"maxAnisotropy\" value=\"8\"/><boolean name=\"cache\" value=\"true\"/>",
+        word("filterType", "ewa"),
+        word("wrapModeU", "clamp"),
+        word("wrapModeV", "clamp"),
+    );
+    let scene = read(&bitmap(&exact), false).unwrap();
+    build(&scene).unwrap();
+    let texture = find(&scene, Category::Texture);
+    assert!(matches!(value(texture, "raw"), Some(Value::Bool(true))));
+    assert!(matches!(value(texture, "wrap_mode"), Some(Value::String(w)) if w == "clamp"));
+    assert_eq!(texture.params.len(), 4, "{texture:?}");
+
+    for (more, message, outcome) in [
+        (word("wrapMode", "zero"), "`wrap_mode` has no value `zero`", "replaced by `clamp`"),
+        (
+            word("wrapModeU", "mirror"),
+            "a texture repeats alike along u and v here",
+            "replaced by `mirror` along both",
+        ),
+        (
+            "<float name=\"gamma\" value=\"2.2\"/>".to_owned(),
+            "a texture is linear or sRGB here, not of gamma 2.2",
+            "replaced by sRGB",
+        ),
+        (word("channel", "r"), "a single channel of an image cannot be read", "replaced by all of them"),
+    ] {
+        assert!(read(&bitmap(&more), false).unwrap_err().contains(message), "{message}");
+        let notes = build(&read(&bitmap(&more), true).unwrap()).unwrap();
+        assert_eq!(notes, [format!("<string>:1:24: {message}; {outcome}")]);
+    }
+
+    // A scaled colour is a colour, a scaled height belongs to the bump map.
+    let colour = "<texture type=\"scale\"><float name=\"scale\" value=\"0.5\"/><rgb name=\"value\" value=\"0.2 0.4 0.6\"/></texture>";
+    let scene = read(colour, false).unwrap();
+    assert!(
+        matches!(value(find(&scene, Category::Texture), "value"), Some(Value::Rgb(c)) if c == &[0.1, 0.2, 0.3])
+    );
+    let scaled =
+        format!("<texture type=\"scale\"><float name=\"scale\" value=\"3\"/>{}</texture>", bitmap(""));
+    let bump = format!("<bsdf type=\"bumpmap\">{scaled}<bsdf type=\"diffuse\"/></bsdf>");
+    let scene = read(&bump, false).unwrap();
+    build(&scene).unwrap();
+    assert_eq!(float(find(&scene, Category::Bsdf), "scale"), 3.0);
+    let reflectance = scaled.replacen("type", "name=\"reflectance\" type", 1);
+    let diffuse = format!("<bsdf type=\"diffuse\">{reflectance}</bsdf>");
+    assert!(read(&diffuse, false).unwrap_err().contains("a texture cannot be scaled"));
+    build(&read(&diffuse, true).unwrap()).unwrap();
 }

@@ -8,7 +8,7 @@
 use glam::DMat3;
 
 use super::old::Old;
-use crate::desc::{Result, Value};
+use crate::desc::{Category, ObjectId, Result, SceneDesc, Value};
 use crate::light::{Observer, SUN_APERTURE_DEG};
 use crate::math::{DMat4, DVec3, Transform};
 
@@ -72,6 +72,42 @@ fn sun_and_sky(old: &mut Old) -> Result<()> {
     old.forget(&["resolution"]);
     old.become_plugin("sunsky");
     Ok(())
+}
+
+/// Makes one emitter of a `sun` and a `sky` that stand side by side under the
+/// same sky: today a scene has one surrounding.
+pub fn unite(scene: &mut SceneDesc) {
+    let root = scene.root;
+    let skies: Vec<ObjectId> = Old { scene: &mut *scene, id: root }
+        .children(Category::Emitter)
+        .into_iter()
+        .filter(|id| scene.object(*id).plugin == "sunsky")
+        .collect();
+    let [first, second] = skies[..] else { return };
+    let mut number = |id, name: &str| {
+        let old = Old { scene: &mut *scene, id };
+        old.get(name).and_then(|p| super::old::number(&p.value))
+    };
+    let (sun, sky) = if number(first, "sky_scale") == Some(0.0) { (first, second) } else { (second, first) };
+    let apart = number(sun, "sky_scale") == Some(0.0) && number(sky, "sun_scale") == Some(0.0);
+    let alike = number(sun, "turbidity") == number(sky, "turbidity")
+        && number(sun, "sampling_weight") == number(sky, "sampling_weight");
+    let direction = |id: ObjectId| {
+        let found = scene.object(id).params.iter().find(|p| p.name == "sun_direction");
+        found.and_then(|p| if let Value::Vector(v) = p.value { v.try_normalize() } else { None })
+    };
+    let same_sun = match (direction(sun), direction(sky)) {
+        (Some(a), Some(b)) => (a - b).length() < 1e-6,
+        _ => false,
+    };
+    if !(apart && alike && same_sun) {
+        return;
+    }
+    for name in ["sun_scale", "sun_aperture"] {
+        let Some(param) = (Old { scene: &mut *scene, id: sun }).take(name) else { continue };
+        Old { scene: &mut *scene, id: sky }.set(name, param.value);
+    }
+    scene.objects[root as usize].params.retain(|p| !matches!(p.value, Value::Object(id) if id == sun));
 }
 
 /// The direction of the sun in the emitter's own, old frame.

@@ -194,6 +194,14 @@ pub fn shape(old: &mut Old) -> Result<()> {
         }
         _ => {}
     }
+    if let [_, more @ ..] = &old.children(Category::Bsdf)[..]
+        && !more.is_empty()
+    {
+        old.replace("a shape has one bsdf only: `usemtl` does not part it", "left with the first of them")?;
+        let more = more.to_vec();
+        let params = &mut old.scene.objects[old.id as usize].params;
+        params.retain(|p| !matches!(p.value, Value::Object(id) if more.contains(&id)));
+    }
     // What only bounds a medium was invisible.
     let bounds_medium = !old.children(Category::Medium).is_empty();
     if bounds_medium && old.children(Category::Bsdf).is_empty() {

@@ -24,6 +24,9 @@ pub fn upgrade(parsed: &mut Parsed) -> Result<()> {
     for id in &old {
         kind(&mut Old { scene: &mut parsed.scene, id: *id })?;
     }
+    if !old.is_empty() {
+        old_emitters::unite(&mut parsed.scene);
+    }
     // Last: it may become a copy of the texture within.
     for id in old {
         let mut texture = Old { scene: &mut parsed.scene, id };
