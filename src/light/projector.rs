@@ -109,7 +109,7 @@ mod tests {
     fn irradiance_is_mitsubas() {
         let light = Projector::new(Texture::Constant(Rgb::ONE), 1.0, &Transform::IDENTITY, 60.0, 1.0);
         for (x, y, expected) in [
-            (0.0, 0.0, 3.141_592_7),
+            (0.0, 0.0, std::f32::consts::PI),
             (0.3, 0.0, 3.279_919_1),
             (0.57, 0.0, 3.616_108_7),
             (0.58, 0.0, 0.0),

@@ -244,7 +244,7 @@ fn polar(m: DMat3) -> (DQuat, DMat3) {
         }
     }
     if r.determinant() < 0.0 {
-        r = r * -1.0;
+        r *= -1.0;
     }
     let rotation = DQuat::from_mat3(&r).normalize();
     (rotation, DMat3::from_quat(rotation).transpose() * m)
