@@ -397,3 +397,44 @@ fn a_directional_area_makes_a_beam() {
     assert!((inside - 1.0 / std::f64::consts::PI).abs() < 1e-6, "{inside}");
     assert_eq!(scene(1.1), 0.0);
 }
+
+/// Numbers of a mesh's vertices and faces as reflectances under a white sky:
+/// what is seen is the number itself, linear over a triangle.
+#[test]
+fn attributes_of_meshes_are_textures() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let vertices = "-1 -1 0 0.1 0.2 0.3 0\n1 -1 0 0.5 0.4 0.3 1\n1 1 0 0.9 0.6 0.3 1\n-1 1 0 0.5 0.4 0.3 0\n";
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+         property float color_0\nproperty float color_1\nproperty float color_2\nproperty float weight_0\n\
+         element face 2\nproperty list uchar int vertex_indices\nproperty float shade_0\nend_header\n\
+         {vertices}3 0 1 2 0.25\n3 0 2 3 0.75\n"
+    );
+    std::fs::write(folder.path().join("plate.ply"), ply).expect("a file");
+    let picture = |texture: &str| {
+        let scene = format!(
+            r#"<scene version="3.0.0"><integrator type="path"/><emitter type="constant"/>
+            <sensor type="orthographic">
+              <transform name="to_world"><lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform>
+              <film type="hdrfilm"><integer name="width" value="2"/><integer name="height" value="2"/>
+                <rfilter type="box"/></film></sensor>
+            <shape type="ply"><string name="filename" value="plate.ply"/>
+              <bsdf type="diffuse"><texture type="mesh_attribute" name="reflectance">{texture}</texture></bsdf>
+            </shape></scene>"#
+        );
+        let desc = etendue::load::load_str(&scene, folder.path(), &Default::default())
+            .unwrap_or_else(|e| panic!("{e}"));
+        render::rgb(&Ready::build(&desc, None, None).picture(1024, 1))
+    };
+    // Upper left, upper right, lower left, lower right pixel.
+    let colour = picture(r#"<string name="name" value="vertex_color"/>"#);
+    for (pixel, [r, g]) in [[0.5, 0.4], [0.7, 0.5], [0.3, 0.3], [0.5, 0.4]].into_iter().enumerate() {
+        let [found_r, found_g, found_b] = [0, 1, 2].map(|k| colour[3 * pixel + k]);
+        let off = (found_r - r).abs().max((found_g - g).abs()).max((found_b - 0.3).abs());
+        assert!(off < 2e-3, "pixel {pixel}: {found_r} {found_g} {found_b}");
+    }
+    let weight = picture(r#"<string name="name" value="vertex_weight"/><float name="scale" value="0.5"/>"#);
+    assert!((weight[0] - 0.125).abs() < 2e-3 && (weight[3] - 0.375).abs() < 2e-3, "{weight:?}");
+    let shade = picture(r#"<string name="name" value="face_shade"/>"#);
+    assert!((shade[9] - 0.25).abs() < 1e-6 && (shade[0] - 0.75).abs() < 1e-6, "{shade:?}");
+}

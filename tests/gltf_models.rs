@@ -1,4 +1,4 @@
-//! The glTF models of `shared/scenes/gltf`: what is valid loads and has the
+//! The glTF models of `shared/scenes/gltf`: what is valid is built and has the
 //! triangles that the `gltf` crate finds in it; what is not is refused with a
 //! message that says why.
 
@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use etendue::desc::{Category, SceneDesc};
 use etendue::load::{LoadOptions, load};
 use etendue::math::Vec3;
+use etendue::scene::{BuildOptions, Scene};
 use gltf_file::{all, mesh_of};
 
 /// Files that are wrong on purpose or lack a part, and what is said of them.
@@ -76,7 +77,9 @@ fn all_models_load_or_say_why_not() {
         let name = path.display().to_string();
         let expected = REFUSED.iter().find(|(file, _)| name.ends_with(file));
         match (load(path, &LoadOptions::default()), expected) {
-            (Ok(scene), None) => assert!(!scene.objects.is_empty(), "{name}"),
+            (Ok(scene), None) => {
+                Scene::build(&scene, &BuildOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+            }
             (Err(error), Some((_, part))) => {
                 assert!(error.to_string().contains(part), "{error}");
                 refused += 1;

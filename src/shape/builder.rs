@@ -131,11 +131,20 @@ impl GeometryBuilder {
             tangents: options.keep_tangents,
             normals: (!options.face_normals).then_some(g.normals.len() as i64 - first_vertex as i64),
             uvs: None,
+            own_tangents: None,
             deformation: None,
         };
         if options.keep_uvs && !mesh.uvs.is_empty() && mesh.uvs.len() == vertex_count {
             info.uvs = base(g.uvs.len());
             g.uvs.extend(&mesh.uvs);
+        }
+        if options.keep_tangents && !mesh.tangents.is_empty() && mesh.tangents.len() == vertex_count {
+            info.own_tangents = base(g.tangents.len());
+            let side = if to_world.determinant() < 0.0 { -1.0 } else { 1.0 };
+            g.tangents.extend(mesh.tangents.iter().map(|t| {
+                let along = to_world.vector(t.truncate().as_dvec3()).normalize_or_zero().as_vec3();
+                along.extend(t.w * side)
+            }));
         }
         for copy in 0..copies {
             let (positions, normals) = match keys.get(copy) {
@@ -243,6 +252,7 @@ impl GeometryBuilder {
             tangents: true,
             normals: None,
             uvs: None,
+            own_tangents: None,
             deformation: None,
         });
         g.analytic_bounds.push(triangle::widen(analytic.bounds()));

@@ -6,7 +6,7 @@ use super::attributes::Stored;
 use super::deform::{Between, Deformation};
 use super::triangle;
 use super::{Analytic, Hit, Instance, PrimId, RayProbe, ShapeId, SurfacePoint};
-use crate::math::{Bounds, DVec3, Frame, Ray, Vec2, Vec3, gamma};
+use crate::math::{Bounds, DVec3, Frame, Ray, Vec2, Vec3, Vec4, gamma};
 
 /// One shape of the scene file.
 #[derive(Clone, Debug)]
@@ -25,6 +25,8 @@ pub struct ShapeInfo {
     /// its vertex 0, minus the index of that vertex.
     pub(crate) normals: Option<i64>,
     pub(crate) uvs: Option<i64>,
+    /// Tangents of its own, likewise.
+    pub(crate) own_tangents: Option<i64>,
     /// It deforms: index of its times.
     pub(crate) deformation: Option<u32>,
 }
@@ -48,6 +50,8 @@ pub struct Geometry {
     pub(crate) positions: Vec<Vec3>,
     pub(crate) normals: Vec<Vec3>,
     pub(crate) uvs: Vec<Vec2>,
+    /// Direction, and ±1 for the side of the bitangent.
+    pub(crate) tangents: Vec<Vec4>,
     pub(crate) triangles: Vec<[u32; 3]>,
     pub(crate) triangle_shapes: Vec<ShapeId>,
     pub(crate) analytic: Vec<Analytic>,
@@ -244,6 +248,7 @@ impl Geometry {
         size_of_val(&*self.positions)
             + size_of_val(&*self.normals)
             + size_of_val(&*self.uvs)
+            + size_of_val(&*self.tangents)
             + size_of_val(&*self.triangles)
             + size_of_val(&*self.triangle_shapes)
             + size_of_val(&*self.analytic)
@@ -412,9 +417,13 @@ impl Geometry {
         if let Some([u0, u1, u2]) = corners {
             uv = u0 * weights[0] + u1 * weights[1] + u2 * weights[2];
         }
-        let [dpdu, dpdv] = if info.tangents { tangents([e1, e2], corners, winding) } else { [Vec3::ZERO; 2] };
+        let [mut dpdu, mut dpdv] =
+            if info.tangents { tangents([e1, e2], corners, winding) } else { [Vec3::ZERO; 2] };
 
         let ns = self.vertex_normal(info, indices, weights, between).unwrap_or(winding);
+        if let Some(base) = info.own_tangents {
+            [dpdu, dpdv] = self.own_tangents(base, indices, weights, [ns, dpdu, dpdv]);
+        }
         let sign = if info.flip { -1.0 } else { 1.0 };
         SurfacePoint {
             p: p.as_vec3(),
@@ -430,6 +439,27 @@ impl Geometry {
             instance: Hit::NO_INSTANCE,
             time,
             planar: true,
+        }
+    }
+
+    /// The interpolated tangent of the mesh and its bitangent, as long as
+    /// ∂p/∂u and ∂p/∂v are; those where the tangents cancel.
+    #[cold]
+    fn own_tangents(
+        &self,
+        base: i64,
+        indices: [u32; 3],
+        weights: [f32; 3],
+        [ns, dpdu, dpdv]: [Vec3; 3],
+    ) -> [Vec3; 2] {
+        let [a, b, c] = indices.map(|i| self.tangents[(i64::from(i) + base) as usize]);
+        let sum = a * weights[0] + b * weights[1] + c * weights[2];
+        match sum.truncate().try_normalize() {
+            Some(t) => {
+                let side = if sum.w < 0.0 { -1.0 } else { 1.0 };
+                [t * dpdu.length(), ns.cross(t) * (side * dpdv.length())]
+            }
+            None => [dpdu, dpdv],
         }
     }
 
