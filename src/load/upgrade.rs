@@ -4,7 +4,7 @@
 use super::old::Old;
 use super::parse::{MITSUBA_2, Parsed};
 use super::{old_bsdfs, old_emitters, old_kinds};
-use crate::desc::{Category, ObjectId, Param, Result, Value};
+use crate::desc::{Category, Object, ObjectId, Param, Result, Value};
 use crate::math::{DVec3, Transform};
 
 /// Brings the objects of old files to today's kinds and parameters: `toWorld`
@@ -27,11 +27,21 @@ pub fn upgrade(parsed: &mut Parsed) -> Result<()> {
     if !old.is_empty() {
         old_emitters::unite(&mut parsed.scene);
     }
-    // Last: it may become a copy of the texture within.
+    // Last: it may become a copy of the texture within. One that a bump map
+    // took apart belongs to nobody.
     for id in old {
+        let is_scale = |o: &Object| o.category == Category::Texture && o.plugin == "scale";
+        if !is_scale(parsed.scene.object(id)) {
+            continue;
+        }
+        let mut params = parsed.scene.objects.iter().flat_map(|o| &o.params);
+        let used = params.any(|p| matches!(p.value, Value::Object(child) if child == id));
         let mut texture = Old { scene: &mut parsed.scene, id };
-        if texture.category() == Category::Texture && texture.plugin() == "scale" {
+        if used {
             old_kinds::scaled_texture(&mut texture)?;
+        } else {
+            texture.keep(&[]);
+            texture.become_plugin("rgb");
         }
     }
     Ok(())
