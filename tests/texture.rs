@@ -12,8 +12,8 @@ mod describe;
 
 use describe::{Describe, float, string, transform};
 use etendue::desc::{Category, Error, Pixels, Value};
-use etendue::math::{DMat4, DVec3, Rgb, Vec2};
-use etendue::texture::{Texture, Usage, texture_param};
+use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec4};
+use etendue::texture::{Coords, Texture, Usage, texture_from_desc, texture_param};
 
 const FLOATS: [f32; 18] =
     [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.9, 0.1, 0.5, 0.2, 0.3, 0.1, 0.6, 0.6, 0.2];
@@ -286,7 +286,7 @@ fn refusals_name_the_place_and_the_texel() {
     assert_eq!(
         message(bitmap([3, 2], 3, Pixels::F32(FLOATS.to_vec()), vec![("filter", string("nearest"))])),
         "scene.xml:1:4: texture `bitmap` takes no parameter `filter`; known: filename, format, accel, \
-         filter_type, wrap_mode, to_uv, raw, image"
+         filter_type, wrap_mode, channel, uv_attribute, wrap_mode_u, wrap_mode_v, to_uv, raw, scale, image"
     );
     let mut d = Describe::new();
     assert_eq!(
@@ -335,4 +335,59 @@ fn examples_stay_finite_and_their_means_are_right() {
         // Of the bitmap under a checkerboard only parts are seen.
         assert!((mean - t.mean()).abs().max_element() < 5e-3, "{name}: {mean} not {}", t.mean());
     }
+}
+
+#[test]
+fn channels_factors_and_axes() {
+    let raw = || vec![("raw", Value::Bool(true)), ("filter_type", string("nearest"))];
+    let read = |more: Vec<(&str, Value)>| {
+        let params = raw().into_iter().chain(more).collect();
+        bitmap([3, 2], 4, Pixels::U8(BYTES.to_vec()), params).unwrap()
+    };
+    let byte = |i: usize| f32::from(BYTES[i]) / 255.0;
+    let middle = Vec2::new(0.5, 0.25); // texel 1 of row 0
+    for (channel, offset) in [("r", 4), ("g", 5), ("b", 6), ("a", 7)] {
+        let t = read(vec![("channel", string(channel))]);
+        assert_eq!(t.eval(middle), Rgb::splat(byte(offset)), "{channel}");
+        assert_eq!(t.eval_scalar(middle), byte(offset), "{channel}");
+    }
+    // Alpha is never sRGB.
+    let alpha = vec![("channel", string("a")), ("filter_type", string("nearest"))];
+    let t = bitmap([3, 2], 4, Pixels::U8(BYTES.to_vec()), alpha.clone()).unwrap();
+    assert_eq!(t.eval(Vec2::new(0.9, 0.25)), Rgb::splat(byte(11)));
+    let error = bitmap([4, 2], 3, Pixels::U8(BYTES.to_vec()), alpha).unwrap_err();
+    assert!(error.to_string().contains("image `map.exr` has no alpha channel"), "{error}");
+
+    let t = read(vec![("scale", Value::Rgb([0.5, 1.0, 2.0]))]);
+    let expected = Rgb::new(byte(4), byte(5), byte(6)) * Rgb::new(0.5, 1.0, 2.0);
+    assert_eq!(t.eval(middle), expected);
+    assert!(t.max() >= expected.max_element());
+
+    // u runs over the edge, v over another.
+    let t = read(vec![("wrap_mode", string("clamp")), ("wrap_mode_v", string("mirror"))]);
+    assert_eq!(t.eval(Vec2::new(7.0, 1.25)), t.eval(Vec2::new(0.9, 0.75)));
+    let t = read(vec![("wrap_mode_u", string("mirror"))]);
+    assert_eq!(t.eval(Vec2::new(1.1, 1.25)), t.eval(Vec2::new(0.9, 0.25)));
+}
+
+#[test]
+fn attributes_are_numbered_and_read() {
+    let mut d = Describe::new();
+    let colour = vec![("name", string("vertex_color")), ("scale", float(0.5))];
+    let colour = d.object(Category::Texture, "mesh_attribute", colour);
+    let image = d.image([3, 2], 3, Pixels::F32(FLOATS.to_vec()));
+    let second =
+        vec![("filename", string("map.exr")), ("image", image), ("uv_attribute", string("vertex_uv1"))];
+    let second = d.object(Category::Texture, "bitmap", second);
+    let [colour, second] =
+        [colour, second].map(|id| texture_from_desc(&d.scene, id, Usage::Reflectance).unwrap());
+    assert_eq!(d.scene.attribute_names(), ["vertex_color", "vertex_uv1"]);
+    assert!(colour.reads_attributes() && second.reads_attributes());
+
+    let attributes = [Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0), Vec4::ZERO, Vec4::ZERO];
+    let at = Coords { uv: Vec2::new(0.9, 0.95), attributes: Some(&attributes) };
+    assert_eq!(colour.eval(at), Rgb::new(0.1, 0.2, 0.3));
+    check("second", &second, [0.0, 0.0], second.eval(Vec2::ZERO).to_array(), None);
+    let plain = bitmap([3, 2], 3, Pixels::F32(FLOATS.to_vec()), vec![]).unwrap();
+    assert_eq!(second.eval(at), plain.eval(Vec2::new(0.1, 0.2)));
 }

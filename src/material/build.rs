@@ -161,7 +161,12 @@ fn perturbation(params: &Params, name: &str) -> Result<Perturbation> {
                 params.error(format!("bsdf `bumpmap` needs one nested texture, found {}", textures.len()))
             );
         };
-        Map::Bump(texture_from_desc(params.scene(), *id, Usage::Scalar)?, params.float("scale", 1.0)? as f32)
+        let height = texture_from_desc(params.scene(), *id, Usage::Scalar)?;
+        if height.reads_attributes() {
+            let message = "the height of a bump map cannot be a mesh attribute, or be looked up by one";
+            return Err(params.error(message));
+        }
+        Map::Bump(height, params.float("scale", 1.0)? as f32)
     };
     Ok(Perturbation {
         map,

@@ -92,8 +92,10 @@ impl Material {
             Material::TwoSided(front, back) => sided(front, back.as_deref(), point, point.frame),
             other => (other, point.frame),
         };
-        if let Material::Surface(surface) = side {
-            surface.put(point, Lobe::new(1.0, frame, Bsdf::Null(Null)), out);
+        if let Material::Surface(surface) = side
+            && !surface.is_stored()
+        {
+            out.push(Lobe::new(1.0, frame, Bsdf::Null(Null)), surface.at(point.coords()));
         } else {
             self.collect(point, Lobe::new(1.0, point.frame, Bsdf::Null(Null)), out);
         }

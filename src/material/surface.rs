@@ -100,7 +100,6 @@ impl Roughness {
 impl Surface {
     /// Adds its lobe at a point, with weight, frame and perturbation of
     /// `outer`.
-    #[inline]
     pub fn put<'a>(&'a self, point: &Point, outer: Lobe<'a>, out: &mut Scatter<'a>) {
         match self {
             Surface::Gltf(surface) => surface.put(point, outer, out),
@@ -111,7 +110,8 @@ impl Surface {
 
     /// The bsdf at texture coordinates `uv`; nothing for those that make more
     /// of it than a plain bsdf.
-    fn at(&self, uv: Coords) -> Bsdf<'_> {
+    #[inline]
+    pub(super) fn at(&self, uv: Coords) -> Bsdf<'_> {
         match self {
             Surface::Diffuse { reflectance } => Diffuse { reflectance: reflectance.eval(uv) }.into(),
             Surface::Dielectric { eta, reflectance, transmittance, thin } => {
@@ -152,6 +152,12 @@ impl Surface {
             }
             Surface::Gltf(_) | Surface::Principled(_) | Surface::Null => Null.into(),
         }
+    }
+
+    /// True when its bsdf is too large for a lobe: [`Surface::put`] it.
+    #[inline]
+    pub fn is_stored(&self) -> bool {
+        matches!(self, Surface::Gltf(_) | Surface::Principled(_))
     }
 
     /// Scene-file name.
