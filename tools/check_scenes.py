@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Renders every scene of a folder of Mitsuba render tests and judges it twice.
 
-    tools/check_scenes.py target/release/etendue FOLDER [--only PART] [--csv FILE]
+    tools/check_scenes.py target/release/etendue FOLDER [--only PART] [--csv FILE] [--mitsuba]
+    tools/check_scenes.py target/release/etendue SCENE.xml --mitsuba -D resx=96 -D resy=54
 
 FOLDER holds scenes `…/test_NAME_INTEGRATOR.xml` and beside them
 `refs/test_NAME_ref_rgb.exr` with `…_var.exr`, as Mitsuba's own test data does.
@@ -18,10 +19,18 @@ when its least p, corrected for how many values it has (Sidak), is below 1e-3
 and the difference is above 6e-4: as much as Mitsuba's float film drifts in
 32,000 samples of a constant pixel.
 
+With --mitsuba the second judgement is against pictures that Mitsuba renders
+then and there, 16 seeds of as many samples (pip install mitsuba; scalar_rgb, or
+llvm_ad_rgb where DRJIT_LIBLLVM_PATH is set): Welch's t of two means with the
+scatter of both, and differences count from 1e-4 on. References in a folder may
+be of another Mitsuba: these have a tint of 0.1 % in red, and their film is a
+float one. One scene file alone is judged in this way only.
+
 Prints one line per scene and exits 1 when one fails.
 """
 import argparse
 import csv
+import os
 import pathlib
 import subprocess
 import sys
@@ -49,15 +58,47 @@ def read(path):
     return np.asarray(pixels, np.float64)[:, :, wanted]
 
 
-def render(program, scene, spp, seed, integrator, folder):
+def render(program, scene, spp, seed, integrator, folder, defines=()):
     out = pathlib.Path(folder) / f"{seed}.exr"
     command = [program, "render", str(scene), "-o", str(out), "--spp", str(spp), "--seed", str(seed), "-q"]
+    for define in defines:
+        command += ["-D", define]
     if integrator in SAME:
         command += ["--integrator", SAME[integrator]]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
         return done.stderr.strip().splitlines()[-1]
     return read(out)
+
+
+def render_mitsuba(scene, spp, integrator, defines=()):
+    """One picture per seed, as Mitsuba renders them now."""
+    import mitsuba as mi
+
+    mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+    values = dict(define.split("=", 1) for define in defines)
+    if integrator in SAME:
+        values["integrator"] = SAME[integrator]
+    loaded = mi.load_file(str(scene), **values)
+    # The first three channels are the colour, also of `moment`.
+    render = lambda seed: np.array(mi.render(loaded, spp=spp, seed=1000 + seed), np.float64)[:, :, :3]
+    return np.array([render(seed) for seed in range(SEEDS)])
+
+
+def judge_pair(ours, theirs):
+    """p by level of two sets of pictures, and how far the means are apart."""
+    levels = {}
+    for name, reduce in (("mean", lambda i: i.reshape(-1, 3).mean(axis=0)), ("blocks", blocks)):
+        a, b = (np.array([reduce(p) for p in pictures]) for pictures in (ours, theirs))
+        va, vb = (x.var(axis=0, ddof=1) / SEEDS for x in (a, b))
+        difference, variance = a.mean(axis=0) - b.mean(axis=0), va + vb
+        freedom = np.divide(variance**2 * (SEEDS - 1), va**2 + vb**2, out=np.ones_like(va), where=variance > 0)
+        t = np.divide(np.abs(difference), np.sqrt(variance), out=np.zeros_like(va), where=variance > 0)
+        significant = np.abs(difference) > 1e-4 * np.maximum(np.abs(b.mean(axis=0)), theirs.mean())
+        p = np.where(significant, 2 * stats.t.sf(t, freedom), 1.0)
+        levels[name] = sidak(p.min(), len(p))
+    noise = np.hypot(*(x.mean(axis=(1, 2, 3)).std(ddof=1) / np.sqrt(SEEDS) for x in (ours, theirs)))
+    return levels, ours.mean() / theirs.mean() - 1, noise / theirs.mean()
 
 
 def sidak(p, count):
@@ -96,6 +137,19 @@ def judge(pictures, reference, variance, ref_spp, spp):
     return accepted, levels, relative
 
 
+def single(args):
+    """One scene file against Mitsuba."""
+    with tempfile.TemporaryDirectory() as folder:
+        ours = [render(args.program, args.folder, args.spp, s, "", folder, args.define) for s in range(SEEDS)]
+    if isinstance(ours[0], str):
+        sys.exit(ours[0])
+    p, off, noise = judge_pair(np.array(ours), render_mitsuba(args.folder, args.spp, "", args.define))
+    fine = min(p.values()) > 1e-3
+    print(f"{args.folder}: {SEEDS} x {args.spp} spp, p mean {p['mean']:.3g}, p blocks {p['blocks']:.3g}, "
+          f"mean off by {100 * off:+.3f} % +- {100 * noise:.3f} %: {'pass' if fine else 'FAIL'}")
+    sys.exit(0 if fine else 1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
@@ -104,7 +158,12 @@ def main():
     parser.add_argument("--csv", type=pathlib.Path)
     parser.add_argument("--ref-spp", type=int, default=32000)
     parser.add_argument("--samples", type=float, default=2e6)
+    parser.add_argument("--mitsuba", action="store_true")
+    parser.add_argument("--spp", type=int, default=256, help="of each seed, for a single scene")
+    parser.add_argument("-D", dest="define", action="append", default=[], metavar="NAME=VALUE")
     args = parser.parse_args()
+    if args.folder.is_file():
+        single(args)
     rows, failed, media = [], 0, []
     print("| scene | spp | Mitsuba's rule | p mean | p blocks | mean off by | verdict |\n|-|-|-|-|-|-|-|")
     for scene in sorted(args.folder.rglob("test_*_*.xml")):
@@ -128,6 +187,8 @@ def main():
             failed += 1
             continue
         accepted, p, relative = judge(np.array(pictures), truth, variance, args.ref_spp, spp)
+        if args.mitsuba:
+            p, relative, _ = judge_pair(np.array(pictures), render_mitsuba(scene, spp, integrator))
         verdict = accepted >= 0.9975 and min(p.values()) > 1e-3
         failed += not verdict
         row = [scene.stem, spp * SEEDS, f"{100 * accepted:.3f} %", f"{p['mean']:.3g}", f"{p['blocks']:.3g}"]

@@ -23,7 +23,7 @@ impl Brute {
         Brute { part: slice.part, bounds: geometry.part_bounds(slice.part) }
     }
 
-    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         let mut nearest = Nearest::new(probe);
         for prim in ground.geometry.part_prims(self.part) {
             if let Some(hit) = ground.intersect(prim, probe, nearest.limit) {
@@ -33,7 +33,7 @@ impl Brute {
         nearest.hit
     }
 
-    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
         let mut prims = ground.geometry.part_prims(self.part);
         prims.any(|prim| ground.intersect(prim, probe, probe.t_max).is_some())
     }

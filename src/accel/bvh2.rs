@@ -89,11 +89,11 @@ impl Bvh2 {
         })
     }
 
-    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         self.run(Closest { bvh: self, ground, probe })
     }
 
-    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
         self.run(Occluded { bvh: self, ground, probe })
     }
 
@@ -149,7 +149,7 @@ impl Bvh2 {
 }
 
 #[inline(always)]
-fn test_entry(entry: &Entry, ground: Ground<'_>, probe: &RayProbe, limit: f32) -> Option<Hit> {
+fn test_entry(entry: &Entry, ground: &Ground<'_>, probe: &RayProbe, limit: f32) -> Option<Hit> {
     if entry.prim < ground.geometry.triangle_count() {
         Geometry::intersect_triangle(entry.prim, &entry.vertices, probe, limit)
     } else {
@@ -205,7 +205,7 @@ impl Stack {
 
 struct Closest<'a> {
     bvh: &'a Bvh2,
-    ground: Ground<'a>,
+    ground: &'a Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -252,7 +252,7 @@ impl Task for Closest<'_> {
 
 struct Occluded<'a> {
     bvh: &'a Bvh2,
-    ground: Ground<'a>,
+    ground: &'a Ground<'a>,
     probe: &'a RayProbe,
 }
 

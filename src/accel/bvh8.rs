@@ -106,11 +106,11 @@ impl Bvh8 {
         })
     }
 
-    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         self.run(Closest { wide: &self.wide, ground, probe })
     }
 
-    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
         self.run(Occluded { wide: &self.wide, ground, probe })
     }
 
@@ -157,7 +157,7 @@ impl Bvh8 {
 
 struct Closest<'a> {
     wide: &'a Wide,
-    ground: Ground<'a>,
+    ground: &'a Ground<'a>,
     probe: &'a RayProbe,
 }
 
@@ -239,7 +239,7 @@ fn others<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32
 
 struct Occluded<'a> {
     wide: &'a Wide,
-    ground: Ground<'a>,
+    ground: &'a Ground<'a>,
     probe: &'a RayProbe,
 }
 

@@ -131,7 +131,7 @@ impl Embree {
         Ok(embree)
     }
 
-    pub(super) fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         let built = self.built.as_deref()?;
         let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
         let Some((ray, t_scale)) = self.unit.ray(probe) else {
@@ -145,7 +145,7 @@ impl Embree {
         context.ext.nearest.hit
     }
 
-    pub(super) fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
         let Some(built) = self.built.as_deref() else { return false };
         let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
         let Some((mut ray, t_scale)) = self.unit.ray(probe) else {
@@ -166,7 +166,7 @@ impl Embree {
 
 /// One ray on its way through the tree.
 struct Query<'a> {
-    ground: Ground<'a>,
+    ground: &'a Ground<'a>,
     built: &'a Built,
     probe: &'a RayProbe,
     nearest: Nearest,

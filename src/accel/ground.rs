@@ -94,7 +94,7 @@ impl Ground<'_> {
         if prim < self.geometry.first_instance() {
             self.geometry.intersect_analytic(prim, probe, limit)
         } else {
-            self.look_into(prim, probe, limit, |tree, inside| tree.closest(*self, inside))
+            self.look_into(prim, probe, limit, |tree, inside| tree.closest(self, inside))
         }
     }
 
@@ -114,7 +114,7 @@ impl Ground<'_> {
             return self.geometry.intersect_analytic(prim, probe, limit).is_some();
         }
         let any = Hit { t: f32::MIN_POSITIVE, prim, u: 0.0, v: 0.0, instance: prim };
-        self.look_into(prim, probe, limit, |tree, inside| tree.occluded(*self, inside).then_some(any))
+        self.look_into(prim, probe, limit, |tree, inside| tree.occluded(self, inside).then_some(any))
             .is_some()
     }
 

@@ -95,12 +95,12 @@ impl Tree {
     }
 
     #[inline]
-    fn closest(&self, ground: Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
         dispatch!(self, tree => tree.closest(ground, probe))
     }
 
     #[inline]
-    fn occluded(&self, ground: Ground<'_>, probe: &RayProbe) -> bool {
+    fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
         dispatch!(self, tree => tree.occluded(ground, probe))
     }
 
@@ -165,7 +165,7 @@ impl Accel {
     #[inline]
     pub fn closest(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let probe = RayProbe::new(ray)?;
-        self.top.closest(self.ground(geometry), &probe)
+        self.top.closest(&self.ground(geometry), &probe)
     }
 
     /// True when anything is hit with 0 < t < `ray.t_max`. False for rays that
@@ -174,7 +174,7 @@ impl Accel {
     #[inline]
     pub fn occluded(&self, geometry: &Geometry, ray: &Ray) -> bool {
         let Some(probe) = RayProbe::new(ray) else { return false };
-        self.top.occluded(self.ground(geometry), &probe)
+        self.top.occluded(&self.ground(geometry), &probe)
     }
 
     /// The box of everything; empty for an empty geometry.
