@@ -450,7 +450,13 @@ fn moments_and_layers_of_a_file() {
         <emitter type="constant"><rgb name="radiance" value="0.7, 0.2, 3"/></emitter></scene>"#;
     let load = || etendue::load::load_str(xml, render::package("").as_path(), &Default::default());
     let desc = load().unwrap_or_else(|e| panic!("{e}"));
-    let layers = etendue::integrator::Integrator::layers_from_desc(&desc).unwrap_or_else(|e| panic!("{e}"));
+    let (layers, renamed) =
+        etendue::integrator::Integrator::layers_from_desc(&desc).unwrap_or_else(|e| panic!("{e}"));
+    let expected = [
+        "the layer `z` of type `depth` is written as `Z`",
+        "the layer `nn` of type `sh_normal` is written as `N`",
+    ];
+    assert_eq!(renamed, expected);
     assert!(layers.moment && layers.depth && layers.normal && !layers.albedo && !layers.position);
     let ready = Ready::build(&desc, None, None);
     assert_eq!(ready.integrator.name(), "path");

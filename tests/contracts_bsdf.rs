@@ -380,17 +380,7 @@ enum Either {
 /// The principled ones of them.
 fn reference_principled(name: &str) -> Option<Either> {
     let grey = Rgb::new(0.9, 0.5, 0.1);
-    let plain = PrincipledBase {
-        base_color: Rgb::splat(0.5),
-        roughness: 0.5,
-        anisotropic: 0.0,
-        spec_trans: 0.0,
-        eta: 1.5,
-        spec_tint: 0.0,
-        sheen: 0.0,
-        sheen_tint: 0.0,
-        flatness: 0.0,
-    };
+    let plain = PrincipledBase::DEFAULT;
     let coloured = PrincipledBase { base_color: grey, ..plain };
     let all = PrincipledBase {
         base_color: Rgb::new(0.8, 0.4, 0.2),

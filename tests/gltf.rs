@@ -11,17 +11,9 @@ use std::path::Path;
 
 use etendue::desc::{Category, Pixels, SceneDesc, Value};
 use etendue::load::{LoadOptions, load, load_gltf_bytes};
-use etendue::math::{DVec3, Transform, Vec2, Vec3, Vec4};
-use gltf_file::{Gltf, all, float, mesh_of, only, param, rgb, texture, word};
+use etendue::math::{DVec3, Vec2, Vec3, Vec4};
+use gltf_file::{Gltf, all, float, mesh_of, only, param, rgb, texture, to_world, word};
 use serde_json::json;
-
-fn to_world(object: &etendue::desc::Object) -> Transform {
-    match param(object, "to_world") {
-        None => Transform::IDENTITY,
-        Some(Value::Transform(t)) => *t,
-        other => panic!("`to_world` is {other:?}"),
-    }
-}
 
 fn near(a: DVec3, b: [f64; 3]) -> bool {
     a.distance(DVec3::from(b)) < 1e-6

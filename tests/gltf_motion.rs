@@ -11,16 +11,8 @@ use std::path::Path;
 use etendue::desc::{Category, SceneDesc, Value};
 use etendue::load::LoadOptions;
 use etendue::math::{DVec3, Motion, Transform, Vec3};
-use gltf_file::{Gltf, all, float, mesh_of, only, param};
+use gltf_file::{Gltf, all, float, mesh_of, only, param, to_world};
 use serde_json::json;
-
-fn to_world(object: &etendue::desc::Object) -> Transform {
-    match param(object, "to_world") {
-        None => Transform::IDENTITY,
-        Some(Value::Transform(t)) => *t,
-        other => panic!("`to_world` is {other:?}"),
-    }
-}
 
 fn motion(object: &etendue::desc::Object) -> &Motion {
     match param(object, "to_world") {

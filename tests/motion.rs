@@ -326,6 +326,23 @@ fn an_instance_is_the_group_itself() {
     assert!((mean(&a) / mean(&b) - 1.0).abs() < 1e-4, "{} {}", mean(&a), mean(&b));
 }
 
+/// A moving lamp is found by scattered rays; an integrator that has none for it
+/// says so instead of leaving it dark.
+#[test]
+fn a_moving_lamp_needs_scattered_rays() {
+    let ready = |name| Ready::from_xml(&busy([0.0, 1.0]), Some(name), None);
+    let whitted = ready("whitted");
+    let error = etendue::render::render(
+        &whitted.scene,
+        &whitted.integrator,
+        &render::options(1, 1),
+        &etendue::render::Quiet,
+    );
+    let message = error.err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(message.contains("`whitted` cannot find lights that move"), "{message}");
+    assert!(mean(&ready("direct").picture(4, 1)) > 0.0);
+}
+
 #[test]
 fn what_cannot_move_says_so() {
     let scene = |inner: &str| {
@@ -338,6 +355,12 @@ fn what_cannot_move_says_so() {
     assert_eq!(spot, "<string>:1:73: emitter `spot` cannot move; shapes, instances and sensors can");
     let other = scene(r#"<shape type="instance"><shape type="sphere"/></shape>"#);
     assert!(other.contains("an `instance` places a `shapegroup`, found `sphere`"), "{other}");
+    let zoom = r#"<scene version="3.0.0"><sensor type="perspective"><float name="shutter_close" value="1"/>
+        <animation name="to_world"><transform time="0"/><transform time="1"><scale value="2"/></transform></animation>
+        </sensor></scene>"#;
+    let desc = etendue::load::load_str(zoom, std::path::Path::new(""), &Default::default()).unwrap();
+    let zoom = etendue::scene::Scene::build(&desc, &Default::default()).unwrap_err().to_string();
+    assert!(zoom.contains("`to_world` of sensor `perspective` must not scale"), "{zoom}");
     let inner = scene(r#"<shape type="shapegroup"><shape type="shapegroup"/></shape>"#);
     assert!(inner.contains("cannot stand in another"), "{inner}");
 }

@@ -7,18 +7,7 @@ use super::examples::Named;
 use super::{Principled, PrincipledBase, PrincipledThin};
 use crate::math::Rgb;
 
-/// Mitsuba's defaults.
-const BASE: PrincipledBase = PrincipledBase {
-    base_color: Rgb::splat(0.5),
-    roughness: 0.5,
-    anisotropic: 0.0,
-    spec_trans: 0.0,
-    eta: 1.5,
-    spec_tint: 0.0,
-    sheen: 0.0,
-    sheen_tint: 0.0,
-    flatness: 0.0,
-};
+const BASE: PrincipledBase = PrincipledBase::DEFAULT;
 
 const ALL: PrincipledBase = PrincipledBase {
     base_color: Rgb::new(0.8, 0.4, 0.2),

@@ -49,6 +49,19 @@ pub struct PrincipledBase {
 }
 
 impl PrincipledBase {
+    /// Mitsuba's defaults.
+    pub const DEFAULT: PrincipledBase = PrincipledBase {
+        base_color: Rgb::splat(0.5),
+        roughness: 0.5,
+        anisotropic: 0.0,
+        spec_trans: 0.0,
+        eta: 1.5,
+        spec_tint: 0.0,
+        sheen: 0.0,
+        sheen_tint: 0.0,
+        flatness: 0.0,
+    };
+
     /// The distribution for a given roughness.
     fn distribution(&self, roughness: f32) -> Microfacet {
         let alpha = roughness * roughness;

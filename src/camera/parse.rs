@@ -42,12 +42,12 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
 
     let camera = match params.object().plugin.as_str() {
         "perspective" => {
-            rigid(&params, &to_world)?;
+            rigid(&params, scene, id)?;
             let offset = principal_point(&params)?;
             Perspective::new(pose, film, clip, params.x_fov_deg(film.aspect())?, offset).into()
         }
         "thinlens" => {
-            rigid(&params, &to_world)?;
+            rigid(&params, scene, id)?;
             let offset = principal_point(&params)?;
             let pinhole = Perspective::new(pose, film, clip, params.x_fov_deg(film.aspect())?, offset);
             let aperture_radius = params
@@ -66,11 +66,11 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
         }
         "orthographic" => Orthographic::new(pose, film, clip).into(),
         "spherical" => {
-            rigid(&params, &to_world)?;
+            rigid(&params, scene, id)?;
             Spherical::new(pose, film, clip).into()
         }
         "fisheye" => {
-            rigid(&params, &to_world)?;
+            rigid(&params, scene, id)?;
             let fov = params.float("fov", 180.0)?;
             if !(fov > 0.0 && fov <= 360.0) {
                 let message = format!("`fov` of a fisheye must lie in (0, 360] degrees, found {fov}");
@@ -161,18 +161,24 @@ fn shutter_of(params: &Params) -> Result<[f64; 2]> {
     Ok([open, close])
 }
 
-/// A perspective camera takes rotations, mirrors and translations only.
-fn rigid(params: &Params, to_world: &Transform) -> Result<()> {
+/// A camera of this kind takes rotations, mirrors and translations only, at
+/// every key of its motion.
+fn rigid(params: &Params, scene: &SceneDesc, id: ObjectId) -> Result<()> {
+    let motion = motion(scene, id)?;
+    if motion.times().all(|time| is_rigid(&motion.at(time))) {
+        return Ok(());
+    }
+    Err(params
+        .error_at("to_world", format!("`to_world` of sensor `{}` must not scale", params.object().plugin))
+        .hint("put the scale into the scene, or use `fov`"))
+}
+
+fn is_rigid(to_world: &Transform) -> bool {
     let m = to_world.matrix;
     let columns = [m.x_axis, m.y_axis, m.z_axis].map(|c| c.truncate());
     let right = |i: usize, j: usize| {
         let expected = if i == j { 1.0 } else { 0.0 };
         (columns[i].dot(columns[j]) - expected).abs() < 1e-3
     };
-    if (0..3).all(|i| (0..3).all(|j| right(i, j))) {
-        return Ok(());
-    }
-    Err(params
-        .error_at("to_world", format!("`to_world` of sensor `{}` must not scale", params.object().plugin))
-        .hint("put the scale into the scene, or use `fov`"))
+    (0..3).all(|i| (0..3).all(|j| right(i, j)))
 }

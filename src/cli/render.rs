@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::args::{Curve, RenderArgs};
 use super::progress::{Progress, interrupted};
-use super::{build_scene, load_scene};
+use super::{build_scene, load_scene, warn};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
@@ -78,7 +78,8 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let load = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
     let (scene, integrator) = build_scene(&args.scene, &desc)?;
-    let file_layers = Integrator::layers_from_desc(&desc)?;
+    let (file_layers, renamed) = Integrator::layers_from_desc(&desc)?;
+    warn(&renamed);
     let build = clock.elapsed().as_secs_f64();
     let origin = Origin { hash: desc.content_hash(), replaced: desc.replacements() };
     drop(desc);

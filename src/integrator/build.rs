@@ -34,7 +34,7 @@ impl Integrator {
         }
         let mut integrator = match found.first() {
             Some((_, id)) => {
-                let params = desc.params(inside(desc, *id)?.0);
+                let params = desc.params(inside(desc, *id, &mut Layers::default())?);
                 // One that is not ours may be replaced by the command line.
                 if !NAMES.contains(&params.object().plugin.as_str())
                     && let Some(name) = &options.name
@@ -64,15 +64,17 @@ impl Integrator {
         Ok(integrator)
     }
 
-    /// The layers that the scene's integrator asks for: see [`inside`].
+    /// The layers that the scene's integrator asks for, by `moment` and `aov`,
+    /// and a note on each that has another name in the picture than in the file.
     ///
     /// # Errors
     /// As [`Integrator::from_desc`].
-    pub fn layers_from_desc(desc: &SceneDesc) -> Result<LayerSet> {
-        match desc.params(desc.root).children(Category::Integrator).first() {
-            Some((_, id)) => Ok(inside(desc, *id)?.1),
-            None => Ok(LayerSet::default()),
+    pub fn layers_from_desc(desc: &SceneDesc) -> Result<(LayerSet, Vec<String>)> {
+        let mut found = Layers::default();
+        if let Some((_, id)) = desc.params(desc.root).children(Category::Integrator).first() {
+            inside(desc, *id, &mut found)?;
         }
+        Ok((found.set, found.renamed))
     }
 
     /// An integrator by name; what `like` limits (depth, hidden emitters) stays.
@@ -128,33 +130,27 @@ fn depth_limit(depth: i64) -> Option<u32> {
     }
 }
 
+/// What integrators that hold another ask for.
+#[derive(Default)]
+struct Layers {
+    set: LayerSet,
+    renamed: Vec<String>,
+}
+
 /// The integrator in `moment` and `aov`, which only ask for more layers: the
 /// mean square of the samples (`m2`), and those that `aovs` lists as
-/// `name:type`. Layers have names of their own here: a `depth` is `Z`, a
-/// `position` `P`, a `sh_normal` `N`, and `albedo` `albedo`.
-fn inside(desc: &SceneDesc, id: ObjectId) -> Result<(ObjectId, LayerSet)> {
+/// `name:type`. Layers have the names that compositing programs know.
+fn inside(desc: &SceneDesc, id: ObjectId, found: &mut Layers) -> Result<ObjectId> {
     let params = desc.params(id);
-    let mut layers = LayerSet::default();
     match params.object().plugin.as_str() {
-        "moment" => layers.moment = true,
+        "moment" => found.set.moment = true,
         "aov" => {
             let list = params.string_opt("aovs")?.unwrap_or_default();
             for entry in list.split(',').map(str::trim).filter(|entry| !entry.is_empty()) {
-                let kind = entry.split_once(':').map_or(entry, |(_, kind)| kind).trim();
-                match kind {
-                    "depth" => layers.depth = true,
-                    "position" => layers.position = true,
-                    "sh_normal" => layers.normal = true,
-                    "albedo" => layers.albedo = true,
-                    other => {
-                        return Err(params
-                            .error_at("aovs", format!("there is no layer of type `{other}`"))
-                            .suggest(other, ["depth", "position", "sh_normal", "albedo"]));
-                    }
-                }
+                aov(&params, entry, found)?;
             }
         }
-        _ => return Ok((id, layers)),
+        _ => return Ok(id),
     }
     let nested = params.children(Category::Integrator);
     let [(_, nested)] = nested.as_slice() else {
@@ -163,8 +159,28 @@ fn inside(desc: &SceneDesc, id: ObjectId) -> Result<(ObjectId, LayerSet)> {
         return Err(params.error(message));
     };
     params.finish()?;
-    let (innermost, more) = inside(desc, *nested)?;
-    Ok((innermost, layers.or(more)))
+    inside(desc, *nested, found)
+}
+
+/// One `name:type` of an `aov`.
+fn aov(params: &Params, entry: &str, found: &mut Layers) -> Result<()> {
+    let (name, kind) = entry.split_once(':').map_or((entry, entry), |(n, k)| (n.trim(), k.trim()));
+    let (layer, standard) = match kind {
+        "depth" => (&mut found.set.depth, "Z"),
+        "position" => (&mut found.set.position, "P"),
+        "sh_normal" => (&mut found.set.normal, "N"),
+        "albedo" => (&mut found.set.albedo, "albedo"),
+        other => {
+            return Err(params
+                .error_at("aovs", format!("there is no layer of type `{other}`"))
+                .suggest(other, ["depth", "position", "sh_normal", "albedo"]));
+        }
+    };
+    *layer = true;
+    if name != standard {
+        found.renamed.push(format!("the layer `{name}` of type `{kind}` is written as `{standard}`"));
+    }
+    Ok(())
 }
 
 fn max_depth(params: &Params, default: i64) -> Result<u32> {

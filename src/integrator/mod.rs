@@ -53,6 +53,17 @@ impl Integrator {
         }
     }
 
+    /// True when light arrives by light samples alone: what is not sampled is
+    /// not seen on diffuse surfaces.
+    #[must_use]
+    pub fn samples_lights_alone(&self) -> bool {
+        match self {
+            Integrator::Direct(direct) => direct.bsdf_samples == 0,
+            Integrator::Whitted(_) => true,
+            Integrator::Path(_) | Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => false,
+        }
+    }
+
     /// What is left out of the rendering equation, for the file header.
     #[must_use]
     pub fn bias_ledger(&self) -> String {

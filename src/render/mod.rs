@@ -141,7 +141,8 @@ pub struct Rendered {
 /// Renders a scene.
 ///
 /// # Errors
-/// Zero samples, too many replicas, or threads that cannot be started.
+/// Zero samples, too many replicas, lights that the integrator cannot find, or
+/// threads that cannot be started.
 pub fn render(
     scene: &Scene,
     integrator: &Integrator,
@@ -153,6 +154,13 @@ pub fn render(
     }
     if options.replicas > MAX_REPLICAS {
         return Err(Error::new(format!("at most {MAX_REPLICAS} replicas, found {}", options.replicas)));
+    }
+    if scene.plan.unsampled_lights > 0 && integrator.samples_lights_alone() {
+        let message = format!(
+            "integrator `{}` cannot find lights that move or are instanced: it does not scatter rays for them",
+            integrator.name()
+        );
+        return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)

@@ -68,7 +68,12 @@ impl Scene {
             glows: Vec::new(),
             groups: HashMap::new(),
             in_group: false,
-            plan: Plan { lens: camera.needs_lens(), file_sampler, ..Plan::default() },
+            plan: Plan {
+                lens: camera.needs_lens(),
+                camera_motion: camera_motion.is_some(),
+                file_sampler,
+                ..Plan::default()
+            },
         };
         // Definitions are checked even when nothing uses them.
         for (_, id) in root.children(Category::Bsdf) {
@@ -88,9 +93,7 @@ impl Scene {
             return Err(no_media(desc, *id));
         }
         root.finish()?;
-        let mut scene = builder.finish(camera, film, samples_per_pixel, options)?;
-        scene.set_camera_motion(camera_motion);
-        Ok(scene)
+        builder.finish((camera, camera_motion), film, samples_per_pixel, options)
     }
 }
 
@@ -171,7 +174,13 @@ impl Builder<'_> {
         index
     }
 
-    fn finish(mut self, camera: Camera, film: FilmSpec, spp: u64, options: &BuildOptions) -> Result<Scene> {
+    fn finish(
+        mut self,
+        (camera, camera_motion): (Camera, Option<CameraMotion>),
+        film: FilmSpec,
+        spp: u64,
+        options: &BuildOptions,
+    ) -> Result<Scene> {
         let geometry = std::mem::take(&mut self.geometry).finish();
         let (name, quality) = (options.accel.as_deref(), options.bvh.as_deref());
         if let (Some(other), Some(_)) = (name.filter(|n| *n != "bvh8"), quality) {
@@ -232,7 +241,7 @@ impl Builder<'_> {
             geometry,
             accel,
             camera,
-            camera_motion: None,
+            camera_motion,
             film,
             samples_per_pixel: spp,
             lights,
@@ -273,7 +282,7 @@ impl Builder<'_> {
         plan.deforming = geometry.moving_count() as usize;
         plan.groups = geometry.parts() as usize - 1;
         plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
-        plan.motion = geometry.moves();
+        plan.motion = geometry.moves() || plan.camera_motion;
         plan.materials = self.materials.len();
         for material in &self.materials {
             plan.bsdfs.extend(material.kinds());

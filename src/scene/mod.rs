@@ -203,12 +203,6 @@ impl Scene {
         self.camera_motion.is_some()
     }
 
-    pub(crate) fn set_camera_motion(&mut self, motion: Option<CameraMotion>) {
-        self.plan.motion |= motion.is_some();
-        self.plan.camera_motion = motion.is_some();
-        self.camera_motion = motion;
-    }
-
     /// Radiance of the environment from direction `wi`; zero without one.
     #[must_use]
     pub fn environment(&self, wi: Vec3) -> Rgb {

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use etendue::desc::{Category, Mesh, Object, Result, SceneDesc, Value};
 use etendue::load::{LoadOptions, load_gltf_bytes};
+use etendue::math::Transform;
 use serde_json::json;
 
 /// A glTF file under construction.
@@ -175,6 +176,16 @@ pub fn only<'a>(scene: &'a SceneDesc, category: Category, plugin: &str) -> &'a O
 /// The parameter of a name.
 pub fn param<'a>(object: &'a Object, name: &str) -> Option<&'a Value> {
     object.params.iter().find(|p| p.name == name).map(|p| &p.value)
+}
+
+/// The placement of an object.
+#[allow(dead_code, reason = "not every test binary uses it")]
+pub fn to_world(object: &Object) -> Transform {
+    match param(object, "to_world") {
+        None => Transform::IDENTITY,
+        Some(Value::Transform(t)) => *t,
+        other => panic!("`to_world` is {other:?}"),
+    }
 }
 
 /// A float parameter.
