@@ -678,7 +678,7 @@ fn refusals_say_what_and_where() {
         ),
         (
             read("sunsky", vec![("sun_aperture", float(180.0))]),
-            "scene.xml:1:2: `sun_aperture` must lie between 0 and 180 degrees, found 180",
+            "scene.xml:1:2: `sun_aperture` must lie between 0.001 and 180 degrees, found 180",
         ),
         (read("pointt", vec![]), "scene.xml:1:1: there is no emitter `pointt`; did you mean `point`?"),
         (

@@ -472,28 +472,27 @@ fn old_textures() {
         "{}{}{}<float name=\"gamma\" value=\"1\"/><float name=\"maxAnisotropy\" value=\"8\"/><boolean name=\"cache\" value=\"true\"/>",
         word("filterType", "ewa"),
         word("wrapModeU", "clamp"),
-        word("wrapModeV", "clamp"),
-    );
+        word("wrapModeV", "mirror"),
+    ) + &word("channel", "g");
     let scene = read(&bitmap(&exact), false).unwrap();
     build(&scene).unwrap();
     let texture = find(&scene, Category::Texture);
     assert!(matches!(value(texture, "raw"), Some(Value::Bool(true))));
-    assert!(matches!(value(texture, "wrap_mode"), Some(Value::String(w)) if w == "clamp"));
-    assert_eq!(texture.params.len(), 4, "{texture:?}");
+    for (name, expected) in [("wrap_mode_u", "clamp"), ("wrap_mode_v", "mirror"), ("channel", "g")] {
+        assert!(matches!(value(texture, name), Some(Value::String(w)) if w == expected), "{name}");
+    }
+    assert_eq!(texture.params.len(), 6, "{texture:?}");
+    assert!(scene.warnings[0].ends_with("`filter_type` of a texture becomes `bilinear`"));
 
     for (more, message, outcome) in [
         (word("wrapMode", "zero"), "`wrap_mode` has no value `zero`", "replaced by `clamp`"),
-        (
-            word("wrapModeU", "mirror"),
-            "a texture repeats alike along u and v here",
-            "replaced by `mirror` along both",
-        ),
+        (word("wrapModeU", "black"), "`wrap_mode_u` has no value `black`", "replaced by `clamp`"),
         (
             "<float name=\"gamma\" value=\"2.2\"/>".to_owned(),
             "a texture is linear or sRGB here, not of gamma 2.2",
             "replaced by sRGB",
         ),
-        (word("channel", "r"), "a single channel of an image cannot be read", "replaced by all of them"),
+        (word("channel", "y"), "a texture has no channel `y`", "replaced by all of them"),
     ] {
         assert!(read(&bitmap(&more), false).unwrap_err().contains(message), "{message}");
         let notes = build(&read(&bitmap(&more), true).unwrap()).unwrap();
@@ -514,6 +513,59 @@ fn old_textures() {
     assert_eq!(float(find(&scene, Category::Bsdf), "scale"), 3.0);
     let reflectance = scaled.replacen("type", "name=\"reflectance\" type", 1);
     let diffuse = format!("<bsdf type=\"diffuse\">{reflectance}</bsdf>");
-    assert!(read(&diffuse, false).unwrap_err().contains("a texture cannot be scaled"));
-    build(&read(&diffuse, true).unwrap()).unwrap();
+    let scene = read(&diffuse, false).unwrap();
+    build(&scene).unwrap();
+    let factor = |scene: &SceneDesc| value(find(scene, Category::Texture), "scale").cloned();
+    assert!(matches!(factor(&scene), Some(Value::Rgb([3.0, 3.0, 3.0]))));
+    // One in another: the inner one first.
+    let twice = format!(
+        "<bsdf type=\"diffuse\"><texture name=\"reflectance\" type=\"scale\">\
+         <float name=\"scale\" value=\"0.5\"/>{scaled}</texture></bsdf>"
+    );
+    assert!(matches!(factor(&read(&twice, false).unwrap()), Some(Value::Rgb([1.5, 1.5, 1.5]))));
+    let board = scaled.replacen(&bitmap(""), "<texture type=\"checkerboard\"/>", 1);
+    let board =
+        format!("<bsdf type=\"diffuse\">{}</bsdf>", board.replacen("type", "name=\"reflectance\" type", 1));
+    assert!(read(&board, false).unwrap_err().contains("a texture `checkerboard` cannot be scaled"));
+    build(&read(&board, true).unwrap()).unwrap();
+}
+
+/// What is replaced by something old is replaced by what that is today.
+#[test]
+fn replacements_are_of_today() {
+    let scene = |body: &str| old(&format!("{body}{SENSOR}"), true).unwrap();
+    let coated = scene("<bsdf type=\"coating\"><bsdf type=\"conductor\"/></bsdf>");
+    let outer = coated.objects.iter().find(|o| o.category == Category::Bsdf).unwrap();
+    assert!(
+        outer.plugin == "conductor"
+            && matches!(value(outer, "material"), Some(Value::String(m)) if m == "Cu")
+    );
+    let phong = scene("<bsdf type=\"coating\"><bsdf type=\"phong\"/></bsdf>");
+    assert_eq!(phong.objects.iter().find(|o| o.category == Category::Bsdf).unwrap().plugin, "blendbsdf");
+    let twice = scene(
+        "<bsdf id=\"a\" type=\"diffuse\"><rgb name=\"reflectance\" value=\"1 0 0\"/></bsdf>\
+         <shape type=\"sphere\"><ref id=\"a\"/><ref id=\"a\"/></shape>",
+    );
+    let sphere = find(&twice, Category::Shape);
+    assert_eq!(sphere.params.iter().filter(|p| matches!(p.value, Value::Object(_))).count(), 1);
+}
+
+/// What an old file says and cannot mean is refused, not left aside.
+#[test]
+fn old_nonsense_is_refused() {
+    let sky = |inner: &str| old(&format!("<emitter type=\"sky\">{inner}</emitter>{SENSOR}"), false);
+    for (inner, message) in [
+        ("<integer name=\"year\" value=\"9223372036854775807\"/>", "`year` is no part of a date"),
+        ("<float name=\"day\" value=\"1.5\"/>", "`day` is no part of a date"),
+        ("<string name=\"sunDirection\" value=\"up\"/>", "`sun_direction` must be a vector, found string"),
+        ("<float name=\"sunRadiusScale\" value=\"1e-6\"/>", "a sun of no size to speak of"),
+    ] {
+        let error = sky(inner).unwrap_err();
+        assert!(error.contains(message), "{error}");
+    }
+    let film = old(
+        "<sensor type=\"perspective\"><film type=\"hdrfilm\"><float name=\"exposure\" value=\"2\"/></film></sensor>",
+        false,
+    );
+    assert!(build(&film.unwrap()).unwrap_err().contains("takes no parameter `exposure`"));
 }

@@ -307,6 +307,7 @@ impl SceneDesc {
             mesh.hash_rest(&mut hash);
         }
         for image in &self.images {
+            let _ = write!(hash, "{}x{}x{}", image.width, image.height, image.channels);
             match &image.pixels {
                 Pixels::U8(p) => hash.bytes(p),
                 Pixels::U16(p) => p.iter().for_each(|x| hash.bytes(&x.to_le_bytes())),
@@ -326,8 +327,9 @@ impl Mesh {
             key.positions.iter().chain(&key.normals).for_each(|v| floats(&v.to_array()));
         }
         self.attributes.iter().for_each(|a| floats(&a.values));
-        for attribute in &self.attributes {
-            hash.bytes(attribute.name.as_bytes());
+        for a in &self.attributes {
+            hash.bytes(a.name.as_bytes());
+            hash.bytes(&[a.channels as u8, u8::from(a.per_face)]);
         }
         self.deformation.iter().for_each(|key| hash.bytes(&key.time.to_bits().to_le_bytes()));
     }

@@ -40,7 +40,7 @@ pub use point::Point;
 pub use projector::Projector;
 pub use receiver::Receiver;
 pub use sky::SunSky;
-pub use sky_position::{Observer, SunPosition};
+pub use sky_position::{DATE_PARTS, Observer, SunPosition};
 pub use spot::Spot;
 pub use tree::{LightTree, TreeSample, TreeWalk};
 
@@ -75,6 +75,9 @@ kinds! {
 
 /// Angle across the disc of the sun, in degrees, as Mitsuba has it.
 pub const SUN_APERTURE_DEG: f64 = 0.5358;
+/// The least diameter of a sun in degrees: below, f32 directions are too coarse
+/// to tell its disc.
+pub const LEAST_APERTURE_DEG: f64 = 1e-3;
 
 /// A direction towards a light. What it adds to the reflected radiance is
 /// f·|cos θ| · `radiance` / `pdf`, if nothing is in the way.

@@ -139,8 +139,9 @@ fn spot(params: &Params, recentre: DVec3, weight: f32) -> Result<Spot> {
 fn projector(params: &Params, recentre: DVec3, weight: f32) -> Result<Projector> {
     let irradiance = texture_param(params, "irradiance", Rgb::ONE, Usage::Radiance)?;
     let scale = params.float("scale", 1.0)?;
-    if !(scale >= 0.0) {
-        return Err(params.error_at("scale", format!("`scale` must not be negative, found {scale}")));
+    if !(scale >= 0.0) || !(scale as f32).is_finite() {
+        let message = format!("`scale` must be finite and not negative, found {scale}");
+        return Err(params.error_at("scale", message));
     }
     let to_world = Transform::translate(-recentre).after(&params.transform("to_world")?);
     let fov = params.x_fov_deg(irradiance.aspect())?;

@@ -76,9 +76,9 @@ impl Projector {
         })
     }
 
-    /// π E over the picture at distance 1.
+    /// π E over the picture at distance 1, in the world's units.
     pub(super) fn power(&self) -> f64 {
-        let area = 4.0 * self.half.x * self.half.y;
+        let area = 4.0 * self.half.x * self.half.y / self.to_local.determinant().abs().powf(2.0 / 3.0);
         std::f64::consts::PI * self.scale * area * grey(self.irradiance.mean())
     }
 

@@ -75,7 +75,7 @@ struct Disc {
     solar: Option<SolarDisc>,
     /// The disc's light on a smaller or larger one.
     dilution: f64,
-    /// ∫ L dω over all of the disc, mean of channels.
+    /// ∫ L dω over what of the disc has not set, mean of channels.
     integral: f64,
     one_minus_cos: f32,
     /// 1 / sin² of half the aperture.
@@ -186,14 +186,14 @@ impl Disc {
         let dilution = cone(nominal) / cone(half);
         let solar = SolarDisc::new(options.turbidity, options.sun_scale);
         let elevation = options.sun.z.clamp(0.0, 1.0).asin();
-        let mean = solar.mean(elevation, nominal);
+        let (mean, visible) = solar.mean(elevation, nominal);
         let uniform = (!options.complex_sun).then(|| (mean * dilution).as_vec3());
         let one_minus_cos = 2.0 * (0.5 * half).sin().powi(2);
         Disc {
             solar: options.complex_sun.then_some(solar),
             uniform,
             dilution,
-            integral: mean.element_sum() / 3.0 * cone(nominal),
+            integral: mean.element_sum() / 3.0 * cone(nominal) * visible,
             one_minus_cos: one_minus_cos as f32,
             inverse_sin2: half.sin().powi(-2),
             pdf: (1.0 / cone(half)) as f32,
@@ -471,13 +471,17 @@ mod tests {
         }
     }
 
-    /// The sun's integral is left to the disc, also where it sets.
+    /// Half of the disc of a sun on the horizon is there, in its light and in
+    /// its integral.
     #[test]
     fn a_setting_sun_is_cut_off() {
         let mut options = options(3.0, 0.3, [1.0, 0.0, 0.0]);
-        options.sky_scale = 0.0;
+        (options.sky_scale, options.complex_sun) = (0.0, false);
         let sky = SunSky::new(&options);
         assert!(sky.radiance(Vec3::new(1.0, 0.0, 1e-3).normalize()).x > 0.0);
         assert_eq!(sky.radiance(Vec3::new(1.0, 0.0, -1e-3).normalize()), Rgb::ZERO);
+        let radiance = grey(sky.radiance(Vec3::new(1.0, 0.0, 1e-3).normalize()));
+        let half = 0.5 * cone(0.5 * SUN_APERTURE_DEG.to_radians()) * radiance;
+        assert!((sky.radiance_integral() / half - 1.0).abs() < 1e-3);
     }
 }

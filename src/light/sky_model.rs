@@ -162,8 +162,9 @@ impl SolarDisc {
         DVec3::new(channel(0), channel(1), channel(2))
     }
 
-    /// Mean over the visible part of a disc of that angular radius.
-    pub(super) fn mean(&self, elevation: f64, radius: f64) -> DVec3 {
+    /// Mean over the visible part of a disc of that angular radius, and how much
+    /// of the disc that is.
+    pub(super) fn mean(&self, elevation: f64, radius: f64) -> (DVec3, f64) {
         const RINGS: u32 = 64;
         const TURNS: u32 = 64;
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
@@ -180,7 +181,8 @@ impl SolarDisc {
                 }
             }
         }
-        if count > 0.0 { sum / count } else { DVec3::ZERO }
+        let visible = count / f64::from(RINGS * TURNS);
+        (if count > 0.0 { sum / count } else { DVec3::ZERO }, visible)
     }
 
     pub(super) fn memory_bytes(&self) -> usize {

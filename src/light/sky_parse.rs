@@ -2,7 +2,7 @@
 
 use super::parse::{colour_of, rotation};
 use super::sky::{SkyOptions, SunSky};
-use super::{Observer, SUN_APERTURE_DEG};
+use super::{DATE_PARTS, LEAST_APERTURE_DEG, Observer, SUN_APERTURE_DEG};
 use crate::desc::{Params, Result};
 use crate::math::{DVec3, Rgb};
 use crate::texture::Usage;
@@ -44,8 +44,9 @@ pub(super) fn sun_sky(params: &Params, weight: f32) -> Result<SunSky> {
         return Err(params.error_at("turbidity", message));
     }
     let aperture = params.float("sun_aperture", SUN_APERTURE_DEG)?;
-    if !(aperture > 0.0 && aperture < 180.0) {
-        let message = format!("`sun_aperture` must lie between 0 and 180 degrees, found {aperture}");
+    if !(aperture >= LEAST_APERTURE_DEG && aperture < 180.0) {
+        let message =
+            format!("`sun_aperture` must lie between {LEAST_APERTURE_DEG} and 180 degrees, found {aperture}");
         return Err(params.error_at("sun_aperture", message));
     }
     Ok(SunSky::new(&SkyOptions {
@@ -80,7 +81,7 @@ fn observer(params: &Params) -> Result<Observer> {
 
 fn whole(params: &Params, name: &'static str, default: i64) -> Result<i64> {
     let value = params.int(name, default)?;
-    if !(-4000..=40_000).contains(&value) {
+    if !DATE_PARTS.contains(&value) {
         return Err(params.error_at(name, format!("`{name}` is no part of a date: {value}")));
     }
     Ok(value)

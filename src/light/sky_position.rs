@@ -28,6 +28,9 @@ pub struct Observer {
     pub clock: [f64; 3],
 }
 
+/// Years, months and days that make a date.
+pub const DATE_PARTS: std::ops::RangeInclusive<i64> = -4000..=40_000;
+
 impl Default for Observer {
     fn default() -> Self {
         Observer {

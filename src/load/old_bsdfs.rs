@@ -89,7 +89,12 @@ fn conductor(old: &mut Old) -> Result<()> {
             Value::Spectrum(pairs) => Value::Spectrum(pairs.iter().map(|(l, v)| (*l, v / outside)).collect()),
             other => match colour(other) {
                 Some(c) => Value::Rgb(c.map(|v| v / outside)),
-                None => continue,
+                None => {
+                    let message =
+                        format!("a textured `{name}` cannot be seen from another outside than a vacuum");
+                    old.replace(message, "left as it is")?;
+                    continue;
+                }
             },
         };
         old.set(name, scaled);
@@ -237,6 +242,8 @@ fn coating(old: &mut Old) -> Result<()> {
             old.replace(message, &format!("replaced by the `{}` within", inner.plugin))?;
             let object = &mut old.scene.objects[old.id as usize];
             (object.plugin, object.params) = (inner.plugin, inner.params);
+            // A copy of what is old itself.
+            upgrade(old)?;
         }
         None => return Err(old.scene.error(old.pos(), "a coating needs a nested bsdf")),
     }

@@ -9,7 +9,7 @@ use glam::DMat3;
 
 use super::old::Old;
 use crate::desc::{Category, ObjectId, Result, SceneDesc, Value};
-use crate::light::{Observer, SUN_APERTURE_DEG};
+use crate::light::{DATE_PARTS, LEAST_APERTURE_DEG, Observer, SUN_APERTURE_DEG};
 use crate::math::{DMat4, DVec3, Transform};
 
 /// Turns an `<emitter>` of an old file into one of today's.
@@ -19,7 +19,10 @@ pub fn upgrade(old: &mut Old) -> Result<()> {
         "envmap" => {
             old.forget(&["cache"]);
             let gamma = old.take_number("gamma").unwrap_or(-1.0);
-            if gamma > 0.0 && gamma != 1.0 {
+            // Files of floats are linear as they stand.
+            let name = old.word("filename").unwrap_or_default().to_lowercase();
+            let linear = [".exr", ".hdr", ".rgbe"].iter().any(|ending| name.ends_with(ending));
+            if gamma > 0.0 && !(gamma == 1.0 && linear) {
                 let message = format!("an environment is read as its file says, not with gamma {gamma}");
                 old.replace(message, "replaced by what the file says")?;
             }
@@ -38,7 +41,11 @@ fn sun_and_sky(old: &mut Old) -> Result<()> {
     };
     let direction = match old.take("sun_direction").map(|p| p.value) {
         Some(Value::Vector(direction)) => direction,
-        _ => to_world.vector(sun_direction(old)?),
+        None => to_world.vector(sun_direction(old)?),
+        Some(other) => {
+            let message = format!("`sun_direction` must be a vector, found {}", other.type_name());
+            return Err(old.scene.error(old.pos(), message));
+        }
     };
     old.set("sun_direction", Value::Vector(direction));
     // z up becomes y up.
@@ -55,8 +62,8 @@ fn sun_and_sky(old: &mut Old) -> Result<()> {
         old.warn("the sun of Mitsuba 0.x was Preetham's: today's, by Hošek and Wilkie, differs in strength");
     }
     let mut size = old.take_number("sun_radius_scale").unwrap_or(1.0);
-    if size <= 0.0 {
-        old.replace("a sun without a size is not supported", "given a hundredth of its size")?;
+    if !(SUN_APERTURE_DEG * size >= LEAST_APERTURE_DEG) {
+        old.replace("a sun of no size to speak of is not supported", "given a hundredth of its size")?;
         size = 0.01;
     }
     old.set("sun_aperture", Value::Float(SUN_APERTURE_DEG * size));
@@ -84,14 +91,14 @@ pub fn unite(scene: &mut SceneDesc) {
         .filter(|id| scene.object(*id).plugin == "sunsky")
         .collect();
     let [first, second] = skies[..] else { return };
-    let mut number = |id, name: &str| {
+    let mut number = |id, name: &str, default: f64| {
         let old = Old { scene: &mut *scene, id };
-        old.get(name).and_then(|p| super::old::number(&p.value))
+        old.get(name).and_then(|p| super::old::number(&p.value)).unwrap_or(default)
     };
-    let (sun, sky) = if number(first, "sky_scale") == Some(0.0) { (first, second) } else { (second, first) };
-    let apart = number(sun, "sky_scale") == Some(0.0) && number(sky, "sun_scale") == Some(0.0);
-    let alike = number(sun, "turbidity") == number(sky, "turbidity")
-        && number(sun, "sampling_weight") == number(sky, "sampling_weight");
+    let (sun, sky) = if number(first, "sky_scale", 1.0) == 0.0 { (first, second) } else { (second, first) };
+    let apart = number(sun, "sky_scale", 1.0) == 0.0 && number(sky, "sun_scale", 1.0) == 0.0;
+    let alike = number(sun, "turbidity", 3.0) == number(sky, "turbidity", 3.0)
+        && number(sun, "sampling_weight", 1.0) == number(sky, "sampling_weight", 1.0);
     let direction = |id: ObjectId| {
         let found = scene.object(id).params.iter().find(|p| p.name == "sun_direction");
         found.and_then(|p| if let Value::Vector(v) = p.value { v.try_normalize() } else { None })
@@ -127,7 +134,11 @@ fn sun_direction(old: &mut Old) -> Result<DVec3> {
     }
     let whole = [("year", &mut observer.year), ("month", &mut observer.month), ("day", &mut observer.day)];
     for (name, slot) in whole {
-        *slot = old.take_number(name).map_or(*slot, |v| v as i64);
+        let Some(value) = old.take_number(name) else { continue };
+        if value.fract() != 0.0 || !DATE_PARTS.contains(&(value as i64)) {
+            return Err(old.scene.error(old.pos(), format!("`{name}` is no part of a date: {value}")));
+        }
+        *slot = value as i64;
     }
     let sun = observer.sun();
     let ((sin_z, cos_z), (sin_a, cos_a)) = (sun.zenith.sin_cos(), sun.azimuth.sin_cos());

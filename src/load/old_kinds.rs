@@ -58,15 +58,16 @@ pub fn sampler(old: &mut Old) {
 }
 
 /// A `<film>`: what is written where and how is the command line's.
-pub fn film(old: &mut Old) {
+pub fn film(old: &mut Old) -> Result<()> {
     const TONE: [&str; 6] = ["tonemap_method", "tone_mapping_method", "gamma", "exposure", "key", "burn"];
-    if ["ldrfilm", "pngfilm"].contains(&old.plugin().as_str()) {
-        old.warn("film `ldrfilm` becomes `hdrfilm`: tone mapping is left to --exposure and --tone");
+    let name = old.plugin();
+    if ["ldrfilm", "pngfilm"].contains(&name.as_str()) {
+        old.warn(&format!("film `{name}` becomes `hdrfilm`: tone mapping is left to --exposure and --tone"));
+        old.forget(&TONE);
     }
     if ["ldrfilm", "pngfilm", "tiledhdrfilm", "exrfilm", "mfilm"].contains(&old.plugin().as_str()) {
         old.become_plugin("hdrfilm");
     }
-    old.forget(&TONE);
     old.forget(&["attach_log", "banner", "file_format", "digits", "variable", "channel_names"]);
     let params = &mut old.scene.objects[old.id as usize].params;
     params.retain(|p| !p.name.starts_with("label[") && !p.name.starts_with("metadata["));
@@ -75,13 +76,18 @@ pub fn film(old: &mut Old) {
         old.set("pixel_format", Value::String(if alpha { "rgba" } else { "rgb" }.into()));
     }
     if let Some(format) = old.word("pixel_format").map(str::to_lowercase) {
+        if format.contains("luminance") {
+            old.warn("a film of luminance becomes one of colours");
+        }
         let alpha = format.contains("alpha") || format.contains("rgba") || format.contains("xyza");
         old.set("pixel_format", Value::String(if alpha { "rgba" } else { "rgb" }.into()));
     }
     let format = old.word("component_format").map(str::to_lowercase);
     if format.is_some_and(|f| f != "float16" && f != "float32") {
+        old.replace("a film holds floats here", "replaced by `float32`")?;
         old.take("component_format");
     }
+    Ok(())
 }
 
 /// A `<texture>`, any but `scale`.
@@ -110,30 +116,17 @@ pub fn texture(old: &mut Old) -> Result<()> {
 
 fn bitmap(old: &mut Old) -> Result<()> {
     old.forget(&["max_anisotropy", "cache"]);
-    // They differ in how fine detail is smoothed, which many samples do too.
+    // How fine detail is smoothed, which many samples do too.
     if matches!(old.word("filter_type"), Some("ewa" | "trilinear")) {
+        old.warn("`filter_type` of a texture becomes `bilinear`");
         old.take("filter_type");
     }
-    let modes = ["wrap_mode", "wrap_mode_u", "wrap_mode_v"].map(|name| old.word(name).map(str::to_owned));
-    let [both, u, v] = &modes;
-    let (u, v) = (u.as_ref().or(both.as_ref()), v.as_ref().or(both.as_ref()));
-    let mut mode = u.or(v).cloned();
-    let default = "repeat".to_owned();
-    if u.unwrap_or(&default) != v.unwrap_or(&default) {
-        let taken = u.unwrap_or(&default);
-        old.replace(
-            "a texture repeats alike along u and v here",
-            &format!("replaced by `{taken}` along both"),
-        )?;
-        mode = Some(taken.clone());
-    }
-    if let Some(word) = mode.as_deref().filter(|m| ["zero", "one", "black", "white"].contains(m)) {
-        old.replace(format!("`wrap_mode` has no value `{word}`"), "replaced by `clamp`")?;
-        mode = Some("clamp".into());
-    }
-    old.forget(&["wrap_mode", "wrap_mode_u", "wrap_mode_v"]);
-    if let Some(mode) = mode {
-        old.set("wrap_mode", Value::String(mode));
+    for name in ["wrap_mode", "wrap_mode_u", "wrap_mode_v"] {
+        let Some(word) = old.word(name).map(str::to_owned) else { continue };
+        if ["zero", "one", "black", "white"].contains(&word.as_str()) {
+            old.replace(format!("`{name}` has no value `{word}`"), "replaced by `clamp`")?;
+            old.set(name, Value::String("clamp".into()));
+        }
     }
     match old.take_number("gamma") {
         Some(1.0) => old.set("raw", Value::Bool(true)),
@@ -143,8 +136,10 @@ fn bitmap(old: &mut Old) -> Result<()> {
         }
         _ => {}
     }
-    if old.has("channel") {
-        old.replace("a single channel of an image cannot be read", "replaced by all of them")?;
+    if let Some(word) = old.word("channel").map(str::to_owned)
+        && !["r", "g", "b", "a"].contains(&word.as_str())
+    {
+        old.replace(format!("a texture has no channel `{word}`"), "replaced by all of them")?;
         old.take("channel");
     }
     Ok(())
@@ -164,12 +159,20 @@ pub fn scaled_texture(old: &mut Old) -> Result<()> {
     let Some(inner) = inner else {
         return Err(old.scene.error(old.pos(), "texture `scale` needs something to scale"));
     };
-    if factor != Some([1.0; 3]) {
-        old.replace("a texture cannot be scaled", "replaced by the texture as it is")?;
-    }
     let inner = old.scene.object(inner).clone();
     let object = &mut old.scene.objects[old.id as usize];
     (object.plugin, object.params) = (inner.plugin, inner.params);
+    let own = old.get("scale").map_or(Some([1.0; 3]), |p| colour(&p.value));
+    match (old.plugin().as_str(), factor, own) {
+        (_, Some([1.0, 1.0, 1.0]), _) => {}
+        ("bitmap" | "mesh_attribute", Some(factor), Some(own)) => {
+            old.set("scale", Value::Rgb([0, 1, 2].map(|i| factor[i] * own[i])));
+        }
+        (name, ..) => {
+            let message = format!("a texture `{name}` cannot be scaled");
+            old.replace(message, "replaced by the texture as it is")?;
+        }
+    }
     Ok(())
 }
 
@@ -198,9 +201,8 @@ pub fn shape(old: &mut Old) -> Result<()> {
         && !more.is_empty()
     {
         old.replace("a shape has one bsdf only: `usemtl` does not part it", "left with the first of them")?;
-        let more = more.to_vec();
-        let params = &mut old.scene.objects[old.id as usize].params;
-        params.retain(|p| !matches!(p.value, Value::Object(id) if more.contains(&id)));
+        let first = old.take_children(Category::Bsdf)[0];
+        old.nest(first);
     }
     // What only bounds a medium was invisible.
     let bounds_medium = !old.children(Category::Medium).is_empty();

@@ -6,7 +6,7 @@
 //! Planck's law (W·m⁻²·sr⁻¹·nm⁻¹) times `scale`, which becomes a colour by the
 //! CIE curves like any spectrum.
 
-use super::values::{expected, numbers, scalar, words};
+use super::values::{expected, scalar, three, words};
 use super::xml::{Attribute, Tag};
 use crate::color::srgb_to_linear;
 use crate::desc::{Result, Value};
@@ -47,17 +47,6 @@ pub fn value(tag: &Tag) -> Result<Option<Value>> {
         }
         ("blackbody", _) => black_body(tag).map(Some),
         _ => Ok(None),
-    }
-}
-
-/// One number for all channels, or three.
-fn three(tag: &Tag, attribute: &Attribute) -> Result<[f64; 3]> {
-    match numbers(tag, attribute)?[..] {
-        [s] => Ok([s; 3]),
-        [r, g, b] => Ok([r, g, b]),
-        ref other => {
-            Err(tag.error_in(attribute, format!("a colour has 1 or 3 numbers, found {}", other.len())))
-        }
     }
 }
 

@@ -27,9 +27,9 @@ pub fn upgrade(parsed: &mut Parsed) -> Result<()> {
     if !old.is_empty() {
         old_emitters::unite(&mut parsed.scene);
     }
-    // Last: it may become a copy of the texture within. One that a bump map
-    // took apart belongs to nobody.
-    for id in old {
+    // Last, and from the innermost out: it may become a copy of the texture
+    // within. One that a bump map took apart belongs to nobody.
+    for id in old.into_iter().rev() {
         let is_scale = |o: &Object| o.category == Category::Texture && o.plugin == "scale";
         if !is_scale(parsed.scene.object(id)) {
             continue;
@@ -70,10 +70,7 @@ fn kind(old: &mut Old) -> Result<()> {
             old_kinds::sampler(old);
             Ok(())
         }
-        Category::Film => {
-            old_kinds::film(old);
-            Ok(())
-        }
+        Category::Film => old_kinds::film(old),
         _ => Ok(()),
     }
 }
@@ -111,7 +108,8 @@ fn snake_case(name: &str) -> String {
     out
 }
 
-/// Replaces offsets and scales of texture coordinates by one transform.
+/// Replaces offsets and scales of texture coordinates by one transform, in the
+/// order in which Mitsuba 3 upgrades them: moved, then scaled.
 fn texture_transform(params: &mut Vec<Param>) {
     const NAMES: [&str; 4] = ["uoffset", "voffset", "uscale", "vscale"];
     let mut given = [0.0, 0.0, 1.0, 1.0];

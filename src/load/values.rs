@@ -118,11 +118,17 @@ fn rgb(tag: &Tag, attribute: &Attribute) -> Result<Value> {
         return Err(expected(tag, attribute, "1 or 3 numbers", attribute.value.trim())
             .hint("colours are linear; `#rrggbb` is not read"));
     }
-    let given = numbers(tag, attribute)?;
-    match given[..] {
-        [s] => Ok(Value::Rgb([s; 3])),
-        [r, g, b] => Ok(Value::Rgb([r, g, b])),
-        _ => Err(tag.error_in(attribute, format!("a colour has 1 or 3 numbers, found {}", given.len()))),
+    three(tag, attribute).map(Value::Rgb)
+}
+
+/// One number for all channels, or three.
+pub fn three(tag: &Tag, attribute: &Attribute) -> Result<[f64; 3]> {
+    match numbers(tag, attribute)?[..] {
+        [s] => Ok([s; 3]),
+        [r, g, b] => Ok([r, g, b]),
+        ref other => {
+            Err(tag.error_in(attribute, format!("a colour has 1 or 3 numbers, found {}", other.len())))
+        }
     }
 }
 
