@@ -44,7 +44,7 @@ pub(super) fn sun_sky(params: &Params, weight: f32) -> Result<SunSky> {
         return Err(params.error_at("turbidity", message));
     }
     let aperture = params.float("sun_aperture", SUN_APERTURE_DEG)?;
-    if !(aperture >= LEAST_APERTURE_DEG && aperture < 180.0) {
+    if !(LEAST_APERTURE_DEG..180.0).contains(&aperture) {
         let message =
             format!("`sun_aperture` must lie between {LEAST_APERTURE_DEG} and 180 degrees, found {aperture}");
         return Err(params.error_at("sun_aperture", message));
