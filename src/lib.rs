@@ -22,6 +22,7 @@ pub mod render;
 pub mod sampling;
 pub mod save;
 pub mod scene;
+pub mod selftest;
 pub mod shape;
 pub mod study;
 pub mod texture;

@@ -28,7 +28,8 @@ const ROOMS: &[(&str, u32)] = &[
     ("load", 6),
     ("save", 6),
     ("study", 7),
-    ("cli", 8),
+    ("selftest", 8),
+    ("cli", 9),
 ];
 
 /// A description holds the positions and transforms that `math` defines.

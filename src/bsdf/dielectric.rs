@@ -27,7 +27,11 @@ impl Dielectric {
             return BsdfSample::delta(mirror(wo), self.specular_reflectance, fresnel.r);
         }
         let ti = fresnel.eta_ti;
-        let wi = Vec3::new(-ti * wo.x, -ti * wo.y, fresnel.cos_t).normalize();
+        // Without a border it goes on as it came, to the bit.
+        let wi = match self.eta {
+            1.0 => -wo,
+            _ => Vec3::new(-ti * wo.x, -ti * wo.y, fresnel.cos_t).normalize(),
+        };
         let weight = self.specular_transmittance * (ti * ti);
         let sample = BsdfSample::delta(wi, weight, 1.0 - fresnel.r)?;
         Some(BsdfSample { eta: fresnel.eta_it, ..sample })

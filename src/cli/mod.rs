@@ -28,6 +28,7 @@ mod compare;
 mod inspect;
 mod progress;
 mod render;
+mod selftest;
 mod study;
 
 use std::ffi::OsString;
@@ -58,6 +59,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Study(args) => study::run(&args),
         Command::Accel(args) => accel::run(&args),
         Command::Replay(args) => inspect::replay(&args),
+        Command::Selftest(args) => selftest::run(&args),
     };
     match result {
         Ok(code) => code,

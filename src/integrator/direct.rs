@@ -4,8 +4,8 @@
 //! n_b bsdf samples, combined with the power heuristic over nₑ·pₑ and n_b·p_b.
 //! With one of the counts at zero it is the other strategy alone.
 
-use super::connect::{Connection, Counts, connect};
-use super::{CameraSample, Event, Record, first_hit, first_hit_layers, shadow_ray};
+use super::connect::{Counts, connect};
+use super::{CameraSample, Event, Record, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Rgb, Vec2};
@@ -65,12 +65,8 @@ impl Direct {
         let (choice, u) = camera.light(scene, i);
         let counts = Counts { light: self.emitter_samples as f32, bsdf: self.bsdf_samples as f32 };
         let Some(found) = connect(scene, hit, choice, u, counts) else { return Rgb::ZERO };
-        let Connection { light, f, mis, contribution } = found;
-        record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
-        let contribution = if occluded { Rgb::ZERO } else { contribution };
-        record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
-        contribution
+        let main = found.main.trace(scene, hit, Rgb::ONE, record);
+        found.faint.map_or(main, |faint| main + faint.trace(scene, hit, Rgb::ONE, record))
     }
 
     fn bsdf_sample<R: Record>(

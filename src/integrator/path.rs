@@ -10,8 +10,8 @@
 //! bounded, η² undoes the radiance scaling inside a medium. Mitsuba's cap of
 //! 0.95 would make the variance infinite for albedos above 0.975.
 
-use super::connect::{Connection, Counts, connect};
-use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
+use super::connect::{Counts, connect};
+use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::light::Receiver;
 use crate::material::Scatter;
@@ -169,16 +169,11 @@ impl Path {
         let Some(found) = connect(scene, hit, choice, u, Counts { light: 1.0, bsdf: 1.0 }) else {
             return Rgb::ZERO;
         };
-        let Connection { light, f, mis, contribution } = found;
-        let contribution = state.beta * contribution;
-        if contribution == Rgb::ZERO {
-            return Rgb::ZERO;
+        let main = found.main.trace(scene, hit, state.beta, record);
+        match found.faint {
+            Some(faint) => main + faint.trace(scene, hit, state.beta, record),
+            None => main,
         }
-        record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
-        let contribution = if occluded { Rgb::ZERO } else { contribution };
-        record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
-        contribution
     }
 
     /// Samples the bsdf and moves on; `None` when absorbed, else whether the

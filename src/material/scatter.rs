@@ -114,6 +114,12 @@ impl<'a> Lobe<'a> {
         Lobe { weight, frame, perturbed: None, bsdf: Carrier::Plain(bsdf) }
     }
 
+    /// A sample's direction in the world. What goes straight on keeps the very
+    /// bits of the way it came.
+    fn to_world(&self, sample: &BsdfSample, local: Vec3, wo: Vec3) -> Vec3 {
+        if sample.delta && sample.wi == -local { -wo } else { self.frame.to_world(sample.wi) }
+    }
+
     /// Light that a perturbed frame lets through from `wi`: 0 where `wi` is on
     /// different sides of the two normals, else the microfacet shadowing of
     /// Estevez, Lecocq & Stein 2019 (Ray Tracing Gems, chapter 12).
@@ -230,17 +236,13 @@ impl<'a> Scatter<'a> {
         {
             let local = lobe.frame.to_local(wo);
             let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
-            return ScatterSample::checked(
-                &sample,
-                lobe.frame.to_world(sample.wi),
-                sample.weight,
-                sample.pdf,
-            );
+            let wi = lobe.to_world(&sample, local, wo);
+            return ScatterSample::checked(&sample, wi, sample.weight, sample.pdf);
         }
         let (lobe, u_lobe) = self.choose(u_lobe)?;
         let local = lobe.frame.to_local(wo);
         let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
-        let wi = lobe.frame.to_world(sample.wi);
+        let wi = lobe.to_world(&sample, local, wo);
         let (mut weight, mut pdf) = (sample.weight, sample.pdf);
         if sample.null {
             // Straight through is not affected by a perturbed frame.

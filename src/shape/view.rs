@@ -12,17 +12,31 @@ use crate::math::{DVec3, Vec2, Vec3};
 use crate::sampling::uniform_sphere;
 
 /// A sphere as seen from a point. From outside it is the cone of directions
-/// that meet it. From inside, or from the surface itself, it is half a uniform
-/// point of its area and half a uniform direction: the first is perfect for a
-/// diffuse point of the sphere itself, the second bounds the weight of points
-/// close to the surface.
+/// that meet it. From inside it is half a uniform point of its area and half a
+/// uniform direction: the first is perfect for a diffuse point of the sphere
+/// itself, the second bounds the weight of points close to the surface. From
+/// the surface, where rounding alone decides on which side the viewer is, it is
+/// its area: a point of it has the same density from either side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SphereView {
-    /// `None` from inside.
-    cone: Option<Cone>,
+    side: Side,
     /// The viewer relative to the centre.
     from: DVec3,
 }
+
+/// Where the viewer of a sphere is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Side {
+    Outside(Cone),
+    /// As near to the surface as the error of a hit, give or take.
+    On,
+    Inside,
+}
+
+/// Distance from its surface up to which a viewer is on a sphere, in units of
+/// the largest of its coordinates and the radius: four times the error of a hit
+/// of 4 ulp.
+const ON_SURFACE: f64 = 16.0 / (1u32 << 24) as f64;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Cone {
@@ -38,42 +52,53 @@ impl SphereView {
     /// The view of a sphere from a point.
     #[must_use]
     pub fn new(sphere: &Sphere, from: Vec3) -> SphereView {
+        let near = ON_SURFACE * f64::from(from.abs().max_element()).max(sphere.radius);
         let from = from.as_dvec3() - sphere.centre;
         let distance = from.length();
         let gap = distance - sphere.radius;
+        if gap.abs() <= near {
+            return SphereView { side: Side::On, from };
+        }
         if !(gap > 0.0) || !distance.is_finite() {
-            return SphereView { cone: None, from };
+            return SphereView { side: Side::Inside, from };
         }
         let sin_max = sphere.radius / distance;
         let cos_max = (gap * (distance + sphere.radius)).sqrt() / distance;
         let one_minus_cos_max = sin_max * sin_max / (1.0 + cos_max);
-        SphereView { cone: Some(Cone { axis: -from / distance, sin_max, one_minus_cos_max }), from }
+        let cone = Cone { axis: -from / distance, sin_max, one_minus_cos_max };
+        SphereView { side: Side::Outside(cone), from }
     }
 
     /// Density per solid angle of the direction of a point whose density is
     /// `by_area` when it is chosen uniformly in area.
     #[must_use]
     pub fn pdf(&self, by_area: f64) -> f64 {
-        match self.cone {
-            Some(cone) => 1.0 / (TAU * cone.one_minus_cos_max),
-            None => 0.5 * by_area + 0.5 / (2.0 * TAU),
+        match self.side {
+            Side::Outside(cone) => 1.0 / (TAU * cone.one_minus_cos_max),
+            Side::On => by_area,
+            Side::Inside => 0.5 * by_area + 0.5 / (2.0 * TAU),
         }
     }
 
-    /// A bare point of the sphere and its direction; `None` in the rare case that
-    /// the viewer is on the surface and the direction leads out.
+    /// A bare point of the sphere and its direction; `None` where the two points
+    /// are one.
     pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
-        match self.cone {
-            Some(cone) => Some(cone.sample(sphere, u)),
-            None => self.sample_inside(sphere, u),
+        match self.side {
+            Side::Outside(cone) => Some(cone.sample(sphere, u)),
+            Side::On => self.sample_area(sphere, u),
+            Side::Inside => self.sample_inside(sphere, u),
         }
+    }
+
+    fn sample_area(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
+        let point = sphere.sample_area(u);
+        let wi = (point.p - sphere.centre - self.from).try_normalize()?;
+        Some((point, wi))
     }
 
     fn sample_inside(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
         if u.x < 0.5 {
-            let point = sphere.sample_area(Vec2::new(u.x * 2.0, u.y));
-            let wi = (point.p - sphere.centre - self.from).try_normalize()?;
-            return Some((point, wi));
+            return self.sample_area(sphere, Vec2::new(u.x * 2.0, u.y));
         }
         let wi = uniform_sphere(Vec2::new(u.x * 2.0 - 1.0, u.y)).as_dvec3().normalize();
         let b = self.from.dot(wi);

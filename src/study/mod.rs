@@ -38,5 +38,6 @@ pub use plan::{
     Budget, Configuration, Ladder, Plan, Region, ScenePlan, Seconds, SeriesPlan, Vary, scene_name,
 };
 pub use series::read_series;
+pub use statistics::{sidak_level, student_quantile};
 pub use table::{summary, to_csv};
 pub use ztest::{Failure, Verdict, ZLevel, ZOptions, ZReport, z_test};

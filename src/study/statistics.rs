@@ -11,7 +11,7 @@ pub(super) fn two_sided_p(z: f64) -> f64 {
 
 /// The probability that each of `count` independent tests may have for all
 /// together to have `alpha`: 1 − (1 − alpha)^(1/n), without cancellation.
-pub(super) fn sidak_level(alpha: f64, count: usize) -> f64 {
+pub fn sidak_level(alpha: f64, count: usize) -> f64 {
     -((-alpha).ln_1p() / count.max(1) as f64).exp_m1()
 }
 
@@ -60,7 +60,7 @@ pub(super) fn student_p(t: f64, freedom: f64) -> f64 {
 }
 
 /// The t below which Student's distribution has probability `p` in (½, 1).
-pub(super) fn student_quantile(p: f64, freedom: f64) -> f64 {
+pub fn student_quantile(p: f64, freedom: f64) -> f64 {
     let outside = 2.0 * (1.0 - p);
     let mut high = 1.0;
     while student_p(high, freedom) > outside && high < 1e12 {
