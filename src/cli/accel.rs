@@ -86,7 +86,7 @@ pub fn run(args: &AccelArgs) -> Result<ExitCode> {
     for source in sources(args)? {
         let name = source.name();
         let subject = source.make(args)?;
-        let mut say = |what: &str| eprintln!("{name}: {what}");
+        let mut say = |what: &str| say!("{name}: {what}");
         let case = measure(&name, &subject, &contenders, &options, &mut say)?;
         drop(subject);
         report.cases.push(case);

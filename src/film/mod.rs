@@ -21,6 +21,7 @@ mod relative;
 mod spec;
 mod sums;
 mod tile;
+mod wide;
 
 pub use filter::Filter;
 pub use groups::{Groups, MAX_REPLICAS};

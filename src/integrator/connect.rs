@@ -71,7 +71,7 @@ pub fn connect(
     if rest.is_some() {
         chosen.contribution *= (sum / share) as f32;
     }
-    chosen.contribution.is_finite().then_some(chosen)
+    Some(chosen)
 }
 
 /// What one light sample contributes.

@@ -54,6 +54,9 @@ pub struct Run {
     pub rays: u64,
     /// Samples left out because they were no radiance.
     pub bad_samples: u64,
+    /// The same by cause, in the order of [`crate::render::Cause::ALL`].
+    #[serde(default)]
+    pub bad_causes: Vec<u64>,
     /// Relative error that the renderer reports; NaN where there is none.
     #[serde(with = "super::model::nullable")]
     pub reported_error: f64,
@@ -162,6 +165,7 @@ mod tests {
             threads: 2,
             rays: 100,
             bad_samples: 0,
+            bad_causes: Vec::new(),
             reported_error: 0.5,
             measured_against: String::new(),
             figures: vec![("colour".to_owned(), Metric::RelMse, None)],
