@@ -304,7 +304,7 @@ fn error_is_finite_or_infinite_but_never_nan() {
     let film = Film::new(FilmSpec::new(2, 2, Filter::Box), LayerSet::ALL, 1.0);
     let mut tile = film.tile(film.tiles()[0]);
     for pixel in tile.rect().pixels() {
-        (0..4).for_each(|i| tile.add(pixel, Vec2::splat(0.5), i, &PixelSample::default()));
+        (0..4).for_each(|i| assert!(tile.add(pixel, Vec2::splat(0.5), i, &PixelSample::default())));
     }
     film.merge(&tile);
     assert_eq!(film.relative_error(), 0.0);
@@ -361,7 +361,7 @@ fn values_out_of_range_are_left_out() {
     let picture = |scale: f32| {
         let film = Film::new(FilmSpec::new(1, 1, Filter::Box), LayerSet::default(), f64::from(scale));
         let mut tile = film.tile(film.tiles()[0]);
-        (0..100).for_each(|i| tile.add((0, 0), Vec2::ZERO, i, &of(scale * (0.1 + i as f32))));
+        (0..100).for_each(|i| assert!(tile.add((0, 0), Vec2::ZERO, i, &of(scale * (0.1 + i as f32)))));
         film.merge(&tile);
         film.resolve().channel("R").unwrap()[0]
     };

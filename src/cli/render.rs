@@ -157,7 +157,7 @@ impl Output {
                 return Err(Error::new(message));
             }
         }
-        save::check_distinct(&[&[args.scene.scene.as_path()], &paths[..]].concat())?;
+        save::check_distinct(&[&[args.scene.scene.as_path()], &paths[..]].concat(), paths.len())?;
         paths.into_iter().try_for_each(save::check_writable)?;
         Ok(Output { exr, png })
     }

@@ -7,7 +7,7 @@ use super::groups::{Groups, PER_GROUP, Sums, old_slot};
 use super::layers::{Layout, MAX_EXTRAS};
 use super::tile::{Limits, Tile};
 use super::wide::Wide;
-use super::{FilmSpec, LayerSet, Rect};
+use super::{FilmSpec, LayerSet, Rect, Scale};
 
 /// Edge length of a tile in pixels. The grid starts at the full film's corner,
 /// whatever the crop, so that a pixel always falls into the same tile.
@@ -21,10 +21,6 @@ const LIMIT_BITS: i32 = 48;
 
 /// Largest coordinate, as a power of two.
 const POSITION_BITS: i32 = 100;
-
-/// Largest scale, as a power of two; the smallest is its inverse. Wider than
-/// what f32 holds, and its square is an f64.
-const SCALE_BITS: f64 = 400.0;
 
 /// A picture in the making. Tiles are merged from any thread, in any order.
 ///
@@ -48,7 +44,7 @@ pub(super) struct Row {
     sums: Vec<i128>,
     /// What is missing, in units of 2^128, by the index of the sum: next to
     /// always empty.
-    carries: BTreeMap<usize, i64>,
+    carries: BTreeMap<usize, i128>,
     depth: Vec<f32>,
     bad: Vec<u32>,
 }
@@ -129,32 +125,31 @@ impl Picture {
 }
 
 impl Film {
-    /// An empty film. `radiance_scale` is the order of magnitude of the
-    /// radiance; it is rounded to a power of two. Radiance is summed with a
-    /// quantum of 2^-63 times it, and samples above 2^48 times it count as
-    /// overflow. Anything but a finite number above 0 stands for 1.
+    /// An empty film. `scale` is the order of magnitude of the radiance; it is
+    /// rounded to a power of two. Radiance is summed with a quantum of 2^-63
+    /// times it (less where lights differ by more than 2^20), and samples above
+    /// 2^48 times it are not taken.
     #[must_use]
-    pub fn new(spec: FilmSpec, layers: LayerSet, radiance_scale: f64) -> Film {
-        Film::grouped(spec, layers, radiance_scale, Groups::Halves)
+    pub fn new(spec: FilmSpec, layers: LayerSet, scale: impl Into<Scale>) -> Film {
+        Film::grouped(spec, layers, scale, Groups::Halves)
     }
 
     /// As [`Film::new`], with the samples kept apart as `groups` says.
     #[must_use]
-    pub fn grouped(spec: FilmSpec, layers: LayerSet, radiance_scale: f64, groups: Groups) -> Film {
+    pub fn grouped(spec: FilmSpec, layers: LayerSet, scale: impl Into<Scale>, groups: Groups) -> Film {
         let layout = Layout::new(layers, groups);
-        let radiance = power_of_two(radiance_scale);
+        let scale = scale.into();
+        let radiance = scale.radiance();
         let one = 2f64.powi(FRACTION_BITS);
         let mut units = vec![one; layout.stride];
         for group in units[..layout.extras].chunks_exact_mut(PER_GROUP) {
-            group[1..].fill(one / radiance);
+            group[1..].fill(one / scale.unit());
         }
         if let Some(at) = layout.moment {
             units[at..at + 3].fill(one / radiance / radiance);
         }
-        let limits = Limits {
-            radiance: Film::largest_radiance(radiance_scale),
-            position: 2f64.powi(POSITION_BITS) as f32,
-        };
+        let limits =
+            Limits { radiance: Film::largest_radiance(scale), position: 2f64.powi(POSITION_BITS) as f32 };
         let window = spec.stored();
         let rows = (0..window.height())
             .map(|_| Mutex::new(Row::new(window.width(), layout.stride, layers)))
@@ -165,8 +160,8 @@ impl Film {
     /// The largest radiance of a sample that a film of this scale takes; a
     /// sample with more is left out.
     #[must_use]
-    pub fn largest_radiance(radiance_scale: f64) -> f32 {
-        (2f64.powi(LIMIT_BITS) * power_of_two(radiance_scale)).min(f64::from(f32::MAX)) as f32
+    pub fn largest_radiance(scale: impl Into<Scale>) -> f32 {
+        (2f64.powi(LIMIT_BITS) * scale.into().radiance()).min(f64::from(f32::MAX)) as f32
     }
 
     /// What it was made of.
@@ -402,29 +397,5 @@ fn to_f32(value: f64) -> f32 {
         value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
     } else {
         value as f32
-    }
-}
-
-/// The nearest power of two (geometrically); 1 for what has none.
-fn power_of_two(x: f64) -> f64 {
-    if x > 0.0 && x.is_finite() {
-        2f64.powi(x.log2().round().clamp(-SCALE_BITS, SCALE_BITS) as i32)
-    } else {
-        1.0
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scales_are_powers_of_two() {
-        assert_eq!(power_of_two(1.0), 1.0);
-        assert_eq!(power_of_two(1000.0), 1024.0);
-        assert_eq!(power_of_two(3e-5), 2f64.powi(-15));
-        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(power_of_two(bad), 1.0);
-        }
     }
 }

@@ -1,10 +1,10 @@
-//! Integers of 192 bits: sums that cannot overflow.
+//! Integers of 256 bits: sums that cannot overflow.
 
-/// `low` + `carry`·2^128. Addition is associative and exact up to 2^190.
+/// `low` + `carry`·2^128. Addition is associative and exact up to 2^254.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Wide {
     pub low: i128,
-    pub carry: i64,
+    pub carry: i128,
 }
 
 /// 2^128.
@@ -14,7 +14,7 @@ const CARRY: f64 = (1u128 << 127) as f64 * 2.0;
 const SMALL: f64 = (1u128 << 126) as f64;
 
 impl Wide {
-    /// The nearest integer, exactly; for |x| < 2^190 (more is held there, and
+    /// The nearest integer, exactly; for |x| < 2^254 (more is held there, and
     /// what is not a number is 0).
     #[inline]
     pub fn rounded(x: f64) -> Wide {
@@ -24,13 +24,13 @@ impl Wide {
         // A float of that size is an integer, and so is what the multiple of
         // 2^128 leaves of it.
         let carry = (x / CARRY).round();
-        Wide { low: (x - carry * CARRY) as i128, carry: carry as i64 }
+        Wide { low: (x - carry * CARRY) as i128, carry: carry as i128 }
     }
 
     /// The sum.
     pub fn plus(self, other: Wide) -> Wide {
         let (low, over) = self.low.overflowing_add(other.low);
-        let more = i64::from(over) * if other.low < 0 { -1 } else { 1 };
+        let more = i128::from(over) * if other.low < 0 { -1 } else { 1 };
         Wide { low, carry: self.carry.saturating_add(other.carry).saturating_add(more) }
     }
 
@@ -50,9 +50,19 @@ mod tests {
     #[test]
     fn floats_become_integers_and_come_back() {
         let two = |n: i32| 2f64.powi(n);
-        for x in
-            [0.0, 1.0, -3.0, 1e30, two(125), -two(126), two(127), 1.5 * two(128), -1.75 * two(130), two(180)]
-        {
+        for x in [
+            0.0,
+            1.0,
+            -3.0,
+            1e30,
+            two(125),
+            -two(126),
+            two(127),
+            1.5 * two(128),
+            -1.75 * two(130),
+            two(180),
+            -1.25 * two(250),
+        ] {
             assert_eq!(Wide::rounded(x).to_f64(), x, "{x}");
         }
         assert_eq!(Wide::rounded(2.5), Wide { low: 2, carry: 0 });

@@ -55,17 +55,18 @@ pub fn check_writable(path: &Path) -> Result<()> {
     check().map_err(|e| failure(path, &e))
 }
 
-/// Fails when two of the paths are one file, however they are spelled.
+/// Fails when one of the last `outputs` paths is the same file as another of
+/// them, or as one of those before, however they are spelled.
 ///
 /// # Errors
 /// Names the two.
-pub fn check_distinct(paths: &[&Path]) -> Result<()> {
+pub fn check_distinct(paths: &[&Path], outputs: usize) -> Result<()> {
     let place = |path: &Path| -> Option<PathBuf> {
         let Ok(Target::File(file)) = target(path) else { return None };
         let folder = fs::canonicalize(folder_of(&file)).ok()?;
         Some(folder.join(file.file_name()?))
     };
-    for (i, path) in paths.iter().enumerate() {
+    for (i, path) in paths.iter().enumerate().skip(paths.len().saturating_sub(outputs)) {
         let Some(own) = place(path) else { continue };
         if let Some(other) = paths[..i].iter().find(|other| place(other).as_ref() == Some(&own)) {
             let message =

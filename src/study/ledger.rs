@@ -133,8 +133,10 @@ impl Ledger {
     /// # Errors
     /// When the line cannot be written.
     pub fn add(&mut self, run: Run) -> Result<()> {
-        let failed =
-            |e: &dyn std::fmt::Display| Error::new(format!("cannot write `{}`: {e}", self.path.display()));
+        let failed = |e: &dyn std::fmt::Display| {
+            Error::new(format!("cannot write `{}`: {e}", self.path.display()))
+                .hint("with that mended, the same command goes on from here")
+        };
         let mut line = serde_json::to_string(&run).map_err(|e| failed(&e))?;
         line.push('\n');
         self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data()).map_err(|e| failed(&e))?;
