@@ -212,3 +212,96 @@ fn numbers_never_reach_one_and_are_replayed() {
     }
     assert!(largest < 1.0 && largest > 0.999);
 }
+
+/// Every number that a sampler gives, by a name: the joint set, and the first
+/// dimensions, the ten thousandth and those at the end of u32.
+fn numbers(sampler: &Sampler) -> Vec<f32> {
+    let (p, l) = sampler.pixel_and_light();
+    let mut all = vec![p.x, p.y, l.x, l.y];
+    for dimension in [0, 1, 63, 1023, 1024, 4096, 9_999, 10_000, 10_001, 1 << 31, u32::MAX - 2] {
+        let v = sampler.get_2d(dimension);
+        all.extend([v.x, v.y, sampler.get_1d(dimension)]);
+    }
+    all
+}
+
+/// Around the ends of 32 bits and beyond: in [0, 1), uniform (χ²), and no
+/// repetition of what stood 2^32 samples before.
+#[test]
+fn sequences_go_on_past_2_to_the_32_samples() {
+    const CELLS: usize = 64;
+    let count = 1u64 << 13;
+    // Of χ² with 63 degrees of freedom: one in a million, for a thousand tests.
+    let limit = 63.0 + 5.5 * (2.0f64 * 63.0).sqrt() + 5.5 * 5.5 * 2.0 / 3.0;
+    let mut tests = 0;
+    for sequence in Sequence::ALL {
+        let at = |index: u64| numbers(&Sampler::new(4, (3, 2), index).with_sequence(sequence));
+        for first in [(1 << 32) - 4096, 1 << 32, (1 << 33) + 777, 1 << 40, (1 << 63) - 5, u64::MAX - count] {
+            let mut cells = vec![[0u32; CELLS]; numbers(&Sampler::new(0, (0, 0), 0)).len()];
+            let mut repeated = 0;
+            for index in first..first + count {
+                let (now, before) = (at(index), at(index - (1 << 31) * 2 * u64::from(first >= 1 << 32)));
+                for (k, v) in now.iter().enumerate() {
+                    assert!((0.0..1.0).contains(v), "{sequence:?} {index} {k}: {v}");
+                    cells[k][(v * CELLS as f32) as usize] += 1;
+                    repeated += u32::from(first >= 1 << 32 && now[k].to_bits() == before[k].to_bits());
+                }
+            }
+            // Two numbers of 24 bits are the same once in 2^24.
+            assert!(repeated < 10, "{sequence:?} from {first}: {repeated} numbers come again");
+            for (k, cells) in cells.iter().enumerate() {
+                let expected = count as f64 / CELLS as f64;
+                let chi2: f64 = cells.iter().map(|c| (f64::from(*c) - expected).powi(2) / expected).sum();
+                assert!(chi2 < limit, "{sequence:?} from {first}, number {k}: χ² {chi2} of 63");
+                tests += 1;
+            }
+        }
+    }
+    assert_eq!(tests, 4 * 6 * 37);
+}
+
+/// The 10,000 dimensions of a path of more than a thousand vertices, sample by
+/// sample: no two alike, none correlated with the next.
+#[test]
+fn ten_thousand_dimensions_are_all_different() {
+    for sequence in Sequence::ALL {
+        for index in [0, 1, 12_345, (1 << 32) + 6] {
+            let s = Sampler::new(1, (7, 7), index).with_sequence(sequence);
+            let values: Vec<f32> = (0..10_000).map(|d| s.get_1d(d)).collect();
+            let mut bits: Vec<u32> = values.iter().map(|v| v.to_bits()).collect();
+            bits.sort_unstable();
+            bits.dedup();
+            // 10^8 / 2 pairs of 24 bits: three coincidences.
+            assert!(bits.len() > 9_985, "{sequence:?} {index}: {} different", bits.len());
+            let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / 1e4;
+            assert!((mean - 0.5).abs() < 5.0 / (12.0f64 * 1e4).sqrt(), "{sequence:?} {index}: {mean}");
+            let pairs: Vec<_> = values.windows(2).map(|w| (w[0], w[1])).collect();
+            assert!(correlation(&pairs).abs() < 0.05, "{sequence:?} {index}");
+        }
+    }
+}
+
+/// All pixels of a 4K picture, at sample counts whose product with the pixels
+/// is far beyond 32 bits: no two are drawn alike.
+#[test]
+fn pixels_of_a_4k_picture_are_all_different() {
+    let at = |x: i32, y: i32, index: u64| -> u128 {
+        let s = Sampler::new(0, (x, y), index);
+        let (a, b) = (s.get_2d(8), s.get_2d(9));
+        [a.x, a.y, b.x, b.y].iter().fold(0, |key, v| (key << 32) | u128::from(v.to_bits()))
+    };
+    let mut keys: Vec<u128> = Vec::with_capacity(3840 * 2160);
+    for index in [0, 70_000, (1 << 34) + 1] {
+        keys.clear();
+        keys.extend((0..2160).flat_map(|y| (0..3840).map(move |x| at(x, y, index))));
+        keys.sort_unstable();
+        assert!(keys.windows(2).all(|w| w[0] != w[1]), "two pixels alike at sample {index}");
+    }
+    // Nor is a pixel another one some samples later.
+    keys.clear();
+    for (x, y) in (0..64).flat_map(|y| (0..64).map(move |x| (x * 60, y * 34))) {
+        keys.extend((0..64).map(|k| at(x, y, k << 31)));
+    }
+    keys.sort_unstable();
+    assert!(keys.windows(2).all(|w| w[0] != w[1]));
+}

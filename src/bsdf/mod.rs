@@ -121,9 +121,13 @@ impl BsdfSample {
         BsdfSample { wi, weight, pdf, delta: false, null: false, eta: 1.0 }.checked()
     }
 
-    /// `None` for samples that cannot be used or carry nothing.
-    fn checked(self) -> Option<BsdfSample> {
-        (self.pdf > 0.0 && self.pdf.is_finite() && self.weight != Rgb::ZERO).then_some(self)
+    /// `None` for samples that carry nothing. A density that is not finite
+    /// makes the weight not a number: the path is to be found and counted.
+    fn checked(mut self) -> Option<BsdfSample> {
+        if !self.pdf.is_finite() {
+            (self.weight, self.pdf) = (Rgb::NAN, 1.0);
+        }
+        (self.pdf > 0.0 && self.weight != Rgb::ZERO).then_some(self)
     }
 }
 

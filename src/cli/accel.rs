@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use super::args::AccelArgs;
 use crate::desc::{Error, Result};
 use crate::load::{LoadOptions, load, read_mesh};
-use crate::save::write_file;
+use crate::save::{check_distinct, check_writable, write_file};
 use crate::scene::{BuildOptions, Scene};
 use crate::study::tracing::{Contender, Options, RaySet, Report, Subject, displaced, measure, stadium};
 
@@ -60,6 +60,10 @@ fn short_name(path: &Path) -> String {
 /// Builds accelerators and, with `--bench`, traces rays; fails when two of
 /// them do not find the same.
 pub fn run(args: &AccelArgs) -> Result<ExitCode> {
+    let outputs: Vec<&Path> = [&args.csv, &args.json].into_iter().flatten().map(PathBuf::as_path).collect();
+    let inputs = args.subjects.iter().map(PathBuf::as_path);
+    check_distinct(&inputs.chain(outputs.iter().copied()).collect::<Vec<_>>(), outputs.len())?;
+    outputs.into_iter().try_for_each(check_writable)?;
     let names = args
         .accel
         .clone()
@@ -86,7 +90,7 @@ pub fn run(args: &AccelArgs) -> Result<ExitCode> {
     for source in sources(args)? {
         let name = source.name();
         let subject = source.make(args)?;
-        let mut say = |what: &str| eprintln!("{name}: {what}");
+        let mut say = |what: &str| say!("{name}: {what}");
         let case = measure(&name, &subject, &contenders, &options, &mut say)?;
         drop(subject);
         report.cases.push(case);

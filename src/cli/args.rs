@@ -83,6 +83,9 @@ impl SceneArgs {
     }
 }
 
+/// Frames per second where nothing is said.
+pub const FPS: f64 = 24.0;
+
 /// What of a scene is shown, when, and in which light.
 #[derive(Clone, Debug, Args)]
 pub struct StageArgs {
@@ -95,7 +98,7 @@ pub struct StageArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<f64>,
     /// Frames per second.
-    #[arg(long, value_name = "F", default_value_t = 24.0, value_parser = parse_positive)]
+    #[arg(long, value_name = "F", default_value_t = FPS, value_parser = parse_positive)]
     pub fps: f64,
     /// When the shutter opens and closes, in frames after the frame: what moves in between is blurred.
     /// 0,0.5 is like film. [default: 0,0 for glTF, the file's for Mitsuba]
@@ -192,7 +195,8 @@ pub struct RenderArgs {
     /// unbiased error; smooth light gets noisier and the film larger. Without it: two halves of one set.
     #[arg(long, value_name = "R", value_parser = clap::value_parser!(u32).range(2..=64))]
     pub replicas: Option<u32>,
-    /// Layers beside R, G, B, A and error: any of albedo, N, P, Z; or none, which also drops error.
+    /// Layers beside R, G, B, A and error: any of albedo, N, P, Z, m2, forward, bad; or none, which also
+    /// drops error.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub aov: Vec<Aov>,
     /// Write R, G, B, A as 16-bit floats, as a film with `component_format` `float16` does;
@@ -211,7 +215,8 @@ pub struct RenderArgs {
     /// Tone curve of the preview.
     #[arg(long, value_enum, default_value_t = Curve::Agx)]
     pub tone: Curve,
-    /// Exit with 1 when any sample was NaN, infinite or negative.
+    /// Exit with 1 when any sample had to be left out (NaN, infinite, negative, beyond the film's sums, or
+    /// with such a layer); the files are written all the same.
     #[arg(long)]
     pub strict: bool,
     /// Say nothing but errors.
@@ -248,6 +253,8 @@ pub enum Aov {
     /// Distance to the nearest surface in the pixel; not filtered.
     #[value(name = "Z")]
     Depth,
+    /// How many samples of the pixel were left out because they were no radiance; not filtered.
+    Bad,
     /// Colour alone.
     None,
 }
@@ -264,6 +271,7 @@ impl RenderArgs {
             depth: has(Aov::Depth),
             moment: has(Aov::Moment),
             motion: has(Aov::Motion),
+            bad: has(Aov::Bad),
         }
     }
 }
@@ -466,7 +474,8 @@ pub struct AccelArgs {
 pub struct ReplayArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The pixel, from the top left.
+    /// The pixel, from the top left. One of the border (`sample_border`) may be negative: write -- before
+    /// scene and pixel then.
     #[arg(value_name = "X,Y", value_parser = parse_pixel)]
     pub pixel: (i32, i32),
     /// Which sample of it.
@@ -537,9 +546,9 @@ fn parse_crop(text: &str) -> Result<[u32; 4], String> {
 }
 
 fn parse_pixel(text: &str) -> Result<(i32, i32), String> {
-    let [x, y] = numbers::<2>(text, ',').ok_or("expected X,Y, for example 12,34")?;
-    let to = |n| i32::try_from(n).map_err(|_| "too large".to_owned());
-    Ok((to(x)?, to(y)?))
+    let pixel =
+        text.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    pixel.ok_or_else(|| "expected X,Y, for example 12,34".to_owned())
 }
 
 fn parse_pair(text: &str) -> Result<[f64; 2], String> {

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 use super::args::{ExplainArgs, ReplayArgs};
 use super::{build_scene, load_scene};
 use crate::desc::{Error, Result};
-use crate::film::{Film, Groups, LayerSet};
+use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
 use crate::integrator::Event;
 use crate::math::{Rgb, Vec3};
-use crate::render::replay as replay_path;
+use crate::render::{Cause, replay as replay_path};
 use crate::sampling::{Sampler, replica_of};
 use crate::scene::Scene;
 
@@ -40,6 +40,7 @@ const FILM_LAYERS: LayerSet = LayerSet {
     depth: false,
     moment: false,
     motion: false,
+    bad: false,
 };
 
 /// What the sums of the film take, without and with replicas.
@@ -57,7 +58,8 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
     let (scene, integrator) = build_scene(&args.scene, &desc)?;
     let [width, height] = scene.film.size;
     let (x, y) = args.pixel;
-    if x as u32 >= width || y as u32 >= height {
+    let whole = FilmSpec { crop: [0, 0, width, height], ..scene.film.clone() };
+    if !whole.sample_bounds().contains(args.pixel) {
         return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
     }
     let (seed, within) = replica_of(args.seed, args.replicas.unwrap_or(0), args.sample);
@@ -107,8 +109,37 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
             }
         }
     }
+    show_layers(&path.sample);
     outln!("radiance {}", show_rgb(path.sample.rgb));
+    if let Some(cause) = path.bad {
+        outln!("left out of the picture: {}", why(cause, path.largest));
+    }
     Ok(ExitCode::SUCCESS)
+}
+
+fn show_layers(sample: &PixelSample) {
+    let PixelSample { rgb: _, alpha, albedo, normal, position, depth, motion } = sample;
+    outln!(
+        "layers: A {alpha} albedo {} N {} P {} Z {depth} forward ({}, {})",
+        show(*albedo),
+        show(*normal),
+        show(*position),
+        motion.x,
+        motion.y
+    );
+}
+
+/// What is wrong with a sample, in words.
+fn why(cause: Cause, largest: f32) -> String {
+    match cause {
+        Cause::Nan => "not a number (NaN)".to_owned(),
+        Cause::Infinite => "infinite".to_owned(),
+        Cause::Negative => "negative".to_owned(),
+        Cause::Layer => "a layer is not finite (where that layer is rendered)".to_owned(),
+        Cause::Overflow => {
+            format!("overflow, over {largest:.6e}: 2^48 times the brightest light, all that the film takes")
+        }
+    }
 }
 
 fn show(v: Vec3) -> String {

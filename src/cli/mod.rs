@@ -3,14 +3,12 @@
 //! Human text goes to stderr, results to stdout. Exit code 0 is done, 1 failed,
 //! 2 wrong use.
 
-#![allow(clippy::print_stderr, reason = "this room is where the program speaks")]
-
 /// Prints a result. A reader that has gone away (`| head`) is no failure: what
-/// is left to say goes nowhere.
+/// is left to say goes nowhere. All else is, see [`run`].
 macro_rules! out {
     ($($text:tt)*) => {{
         use std::io::Write;
-        let _ = write!(std::io::stdout(), $($text)*);
+        $crate::cli::note_failure(write!(std::io::stdout(), $($text)*));
     }};
 }
 
@@ -22,10 +20,20 @@ macro_rules! outln {
     }};
 }
 
+/// Tells the user something. Nobody listening is no failure: hours of work must
+/// not end because a terminal was closed.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod accel;
 mod args;
 mod compare;
 mod inspect;
+mod ledger;
 mod progress;
 mod render;
 mod selftest;
@@ -33,10 +41,11 @@ mod study;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
+use std::sync::OnceLock;
 
 use clap::Parser;
 
-use crate::desc::{Result, SceneDesc};
+use crate::desc::{Error, Result, SceneDesc};
 use crate::integrator::Integrator;
 use crate::scene::Scene;
 use args::{Command, Etendue, SceneArgs};
@@ -61,12 +70,28 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Replay(args) => inspect::replay(&args),
         Command::Selftest(args) => selftest::run(&args),
     };
+    note_failure(std::io::Write::flush(&mut std::io::stdout()));
+    let result = match (result, OUTPUT_FAILURE.get()) {
+        (Ok(_), Some(failure)) => Err(Error::new(format!("cannot write the results to stdout: {failure}"))),
+        (result, _) => result,
+    };
     match result {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("error: {error}");
+            say!("error: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Why results could not be printed, the first time.
+static OUTPUT_FAILURE: OnceLock<String> = OnceLock::new();
+
+fn note_failure(printed: std::io::Result<()>) {
+    if let Err(error) = printed
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        let _ = OUTPUT_FAILURE.set(error.to_string());
     }
 }
 
@@ -88,6 +113,6 @@ fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)
 
 fn warn(texts: &[String]) {
     for text in texts {
-        eprintln!("warning: {text}");
+        say!("warning: {text}");
     }
 }

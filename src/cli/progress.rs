@@ -109,7 +109,7 @@ impl Monitor for Progress {
             let next = due + (due / 2).max(10);
             let turn = Ordering::Relaxed;
             if elapsed >= due && self.next_line.compare_exchange(due, next, turn, turn).is_ok() {
-                eprintln!("{:.0} % done, {left}{error}", share * 100.0);
+                say!("{:.0} % done, {left}{error}", share * 100.0);
             }
         }
     }
@@ -120,7 +120,7 @@ impl Monitor for Progress {
             let text = "interrupted: writing what there is (Ctrl-C again quits at once)";
             match &self.bar {
                 Some(bar) => bar.println(text),
-                None => eprintln!("{text}"),
+                None => say!("{text}"),
             }
         }
         stop

@@ -11,7 +11,6 @@ use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
 use crate::integrator::Integrator;
 use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
-use crate::sampling::Sequence;
 use crate::save::{self, Header, Options, Tone};
 use crate::scene::Scene;
 
@@ -23,7 +22,7 @@ pub fn run(args: &RenderArgs) -> Result<ExitCode> {
     let mut worst = ExitCode::SUCCESS;
     for frame in from..=to {
         if !args.quiet {
-            eprintln!("frame {frame} of {from}..{to}");
+            say!("frame {frame} of {from}..{to}");
         }
         let code = still(&of_frame(args, frame))?;
         if code != ExitCode::SUCCESS {
@@ -108,12 +107,13 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let mut header = header(&scene, &integrator, &stats, &options, &origin);
     header.attributes.extend(args.scene.stage.time().map(|time| ("etendue/time".to_owned(), time)));
     let picture = film.resolve();
-    output.write(args, &picture, &header, args.half || scene.film.half)?;
-    if let Some(path) = &args.stats {
+    let written = output.write(args, &picture, &header, args.half || scene.film.half);
+    let told = args.stats.as_ref().map_or(Ok(()), |path| {
         let text = format!("{:#}\n", stats.to_json(&scene.plan, load, build));
-        save::write_file(path, text.as_bytes())?;
-    }
-    Ok(summarise(args, &stats))
+        save::write_file(path, text.as_bytes())
+    });
+    let code = summarise(args, &stats);
+    written.and(told).map(|()| code)
 }
 
 /// What a header says of the scene's files.
@@ -147,7 +147,9 @@ impl Output {
                     .hint("name it *.exr or *.png"));
             }
         };
-        for path in [&exr, &png, &args.stats].into_iter().flatten() {
+        let paths: Vec<&Path> =
+            [&exr, &png, &args.stats].into_iter().flatten().map(PathBuf::as_path).collect();
+        for path in &paths {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             if !folder.is_dir() {
                 let message =
@@ -155,46 +157,75 @@ impl Output {
                 return Err(Error::new(message));
             }
         }
+        save::check_distinct(&[&[args.scene.scene.as_path()], &paths[..]].concat(), paths.len())?;
+        paths.into_iter().try_for_each(save::check_writable)?;
         Ok(Output { exr, png })
     }
 
+    /// Writes the pictures. What cannot be written where it was wanted goes to
+    /// the folder for temporary files: a render may have taken hours.
     fn write(&self, args: &RenderArgs, picture: &Picture, header: &Header, half: bool) -> Result<()> {
-        if let Some(path) = &self.exr {
-            let saturated = save::write_exr(path, picture, header, Options { half })?;
-            if saturated > 0 {
-                eprintln!(
-                    "warning: {saturated} values over 65504 were saturated to half floats; write 32-bit floats to keep them"
-                );
-            }
-            say(args, path);
-        }
-        if let Some(path) = &self.png {
-            let curve = match args.tone {
-                Curve::Agx => save::Curve::Agx,
-                Curve::Srgb => save::Curve::Srgb,
-            };
-            save::write_png(path, picture, Tone { exposure: args.exposure, curve })?;
-            say(args, path);
-        }
-        Ok(())
+        let exr = |path: &Path| -> Result<()> {
+            warn_saturated(&save::write_exr(path, picture, header, Options { half })?);
+            Ok(())
+        };
+        let curve = match args.tone {
+            Curve::Agx => save::Curve::Agx,
+            Curve::Srgb => save::Curve::Srgb,
+        };
+        let png = |path: &Path| save::write_png(path, picture, Tone { exposure: args.exposure, curve });
+        // The one is tried even where the other failed.
+        let first = self.exr.as_ref().map_or(Ok(()), |path| write_or_rescue(args, path, exr));
+        let second = self.png.as_ref().map_or(Ok(()), |path| write_or_rescue(args, path, png));
+        first.and(second)
     }
 }
 
-fn say(args: &RenderArgs, path: &Path) {
+/// Writes a file, or saves it elsewhere and fails.
+fn write_or_rescue(args: &RenderArgs, path: &Path, write: impl Fn(&Path) -> Result<()>) -> Result<()> {
+    let Err(error) = write(path) else {
+        announce(args, path);
+        return Ok(());
+    };
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let elsewhere = std::env::temp_dir().join(format!("etendue-{}-{name}", std::process::id()));
+    match write(&elsewhere) {
+        Ok(()) => Err(Error::new(format!(
+            "{error}; the picture is not lost: it is in `{}`, move it from there",
+            elsewhere.display()
+        ))),
+        Err(second) => Err(Error::new(format!("{error}; nor could it be saved elsewhere: {second}"))),
+    }
+}
+
+fn warn_saturated(channels: &[save::Saturated]) {
+    if channels.is_empty() {
+        return;
+    }
+    let total: u64 = channels.iter().map(|s| s.count).sum();
+    let list: Vec<String> = channels.iter().map(|s| format!("{} {}", s.channel, s.count)).collect();
+    say!(
+        "warning: {total} values over 65504 were saturated to half floats ({}); 32-bit floats keep them: \
+         leave out --half, or set `component_format` to `float32` in the scene",
+        list.join(", ")
+    );
+}
+
+fn announce(args: &RenderArgs, path: &Path) {
     if !args.quiet {
-        eprintln!("wrote {}", path.display());
+        say!("wrote {}", path.display());
     }
 }
 
 fn describe(scene: &Scene, integrator: &Integrator, options: &RenderOptions, open_ended: bool) {
     let [width, height] = scene.film.size;
     let until = if open_ended { String::new() } else { format!(", {} spp", options.samples_per_pixel) };
-    eprintln!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
+    say!("{width} × {height}, {}{until}; {}", integrator.name(), scene.plan.summary());
     if options.replicas > 0 {
         let bytes = Film::bytes_for(&scene.film, options.layers, Groups::of_replicas(options.replicas));
-        eprintln!("{} replicas: the film takes {:.1} MB", options.replicas, bytes as f64 * 1e-6);
+        say!("{} replicas: the film takes {:.1} MB", options.replicas, bytes as f64 * 1e-6);
     }
-    eprintln!(
+    say!(
         "sampler: {} (the file says `{}`; its sample count is used)",
         options.sequence.describe(),
         scene.plan.file_sampler
@@ -224,12 +255,12 @@ fn header(
             text("relativeError", format!("{:.3e}", stats.relative_error)),
             text("relativeErrorInterval", format!("{low:.3e} {high:.3e}")),
             text("error", Groups::of_replicas(options.replicas).describe()),
-            text("badSamples", stats.bad.summary()),
         ],
         world_to_camera: Some(scene.camera.world_to_camera()),
         world_to_ndc: scene.camera.world_to_ndc(),
         ..Header::default()
     };
+    header.attributes.extend(super::ledger::attributes(&stats.bad));
     if !origin.replaced.is_empty() {
         header.attributes.push(text("replaced", origin.replaced.join("\n")));
     }
@@ -246,7 +277,7 @@ fn header(
 
 fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
     if !args.quiet {
-        eprintln!(
+        say!(
             "{}: {} spp in {:.1} s, {:.2} M samples and {:.2} M rays per CPU second, relative error {:.2} % (95 %: {:.2} to {:.2} %)",
             stats.stopped.reason(),
             stats.samples_per_pixel,
@@ -259,29 +290,13 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
         );
     }
     if stats.stopped == Stopped::Interrupted {
-        eprintln!(
+        say!(
             "to go on from here, render again with more samples: the first {} are the same",
             stats.samples_per_pixel
         );
     }
-    if stats.bad.total() == 0 {
-        return ExitCode::SUCCESS;
-    }
-    eprintln!("warning: samples left out: {}", stats.bad.summary());
-    let sampler = match args.sampler {
-        Sequence::Sobol => String::new(),
-        other => format!(" --sampler {}", other.name()),
-    };
-    let replicas = args.replicas.map_or(String::new(), |r| format!(" --replicas {r}"));
-    let frame = args.scene.stage.frame.map_or(String::new(), |f| format!(" --frame {f}"));
-    for (x, y, index) in &stats.bad.located {
-        eprintln!(
-            "  look at one with: etendue replay {} {x},{y} --sample {index} --seed {}{sampler}{replicas}{frame}",
-            args.scene.scene.display(),
-            args.seed,
-        );
-    }
-    if args.strict { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+    super::ledger::tell(args, &stats.bad);
+    if args.strict && stats.bad.total() > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 
 #[cfg(test)]

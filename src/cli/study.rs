@@ -36,10 +36,10 @@ pub fn run(args: &StudyArgs) -> Result<ExitCode> {
         out!("{}", summary(&concluded.study));
     }
     if !args.quiet {
-        eprintln!("wrote {}", args.output.join("index.html").display());
+        say!("wrote {}", args.output.join("index.html").display());
     }
     if !finished {
-        eprintln!("interrupted: the report shows what is done; the same command goes on from here");
+        say!("interrupted: the report shows what is done; the same command goes on from here");
         return Ok(ExitCode::FAILURE);
     }
     Ok(ExitCode::SUCCESS)
@@ -155,7 +155,7 @@ impl Watch for Progress {
         } else if elapsed as u64 >= self.next_line.load(Ordering::Relaxed) {
             // At once, and then every twenty seconds.
             self.next_line.store(elapsed as u64 + 20, Ordering::Relaxed);
-            eprintln!("{line}");
+            say!("{line}");
         }
     }
 
@@ -170,7 +170,7 @@ impl Watch for Progress {
     fn warn(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(format!("warning: {text}")),
-            None => eprintln!("warning: {text}"),
+            None => say!("warning: {text}"),
         }
     }
 }

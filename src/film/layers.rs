@@ -23,6 +23,8 @@ pub struct LayerSet {
     /// `forward.u/v`: how many pixels the first surface moves to the right and
     /// down from the opening of the shutter to its end, filtered.
     pub motion: bool,
+    /// `bad`: how many samples of the pixel were left out, not filtered.
+    pub bad: bool,
     /// `error.R/G/B`: standard error of the mean.
     pub error: bool,
 }
@@ -37,6 +39,7 @@ impl LayerSet {
         depth: true,
         moment: true,
         motion: true,
+        bad: true,
         error: true,
     };
 
@@ -51,6 +54,7 @@ impl LayerSet {
             depth: self.depth | other.depth,
             moment: self.moment | other.moment,
             motion: self.motion | other.motion,
+            bad: self.bad | other.bad,
             error: self.error | other.error,
         }
     }
@@ -148,7 +152,7 @@ impl Layout {
     }
 
     /// Writes the values of a sample beyond the groups, in order, and gives
-    /// their number; squares, positions and motion are held to the limits.
+    /// their number; positions and motion are held to the limit.
     #[inline]
     pub fn write_extras(&self, sample: &PixelSample, limits: &Limits, out: &mut [f64; MAX_EXTRAS]) -> usize {
         let mut put = |at: Option<usize>, values: &[f32]| {
@@ -167,7 +171,7 @@ impl Layout {
         if let Some(at) = self.moment {
             let squares = (sample.rgb.as_dvec3() * sample.rgb.as_dvec3()).to_array();
             for (k, v) in squares.into_iter().enumerate() {
-                out[at - self.extras + k] = v.min(limits.moment);
+                out[at - self.extras + k] = v;
             }
         }
         self.stride - self.extras

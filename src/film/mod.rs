@@ -18,15 +18,18 @@ mod groups;
 mod layers;
 mod rect;
 mod relative;
+mod scale;
 mod spec;
 mod sums;
 mod tile;
+mod wide;
 
 pub use filter::Filter;
 pub use groups::{Groups, MAX_REPLICAS};
 pub use layers::{LayerSet, PixelSample};
 pub use rect::Rect;
 pub use relative::RelativeError;
+pub use scale::Scale;
 pub use spec::FilmSpec;
 pub use sums::{Channel, Film, Picture, TILE_SIZE};
 pub use tile::Tile;

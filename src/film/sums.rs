@@ -1,12 +1,13 @@
 //! The film: exact sums of all passes, and the picture made of them.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::groups::{Groups, PER_GROUP, Sums, old_slot};
 use super::layers::{Layout, MAX_EXTRAS};
 use super::tile::{Limits, Tile};
-use super::{FilmSpec, LayerSet, Rect};
+use super::wide::Wide;
+use super::{FilmSpec, LayerSet, Rect, Scale};
 
 /// Edge length of a tile in pixels. The grid starts at the full film's corner,
 /// whatever the crop, so that a pixel always falls into the same tile.
@@ -15,15 +16,18 @@ pub const TILE_SIZE: i32 = 16;
 /// Fixed point digits after the point, in units of the scale.
 const FRACTION_BITS: i32 = 63;
 
-/// Largest radiance (and coordinate) of a sample in units of the scale, as a
-/// power of two: 2^16 of these still fit the 2^64 that a sum can hold.
+/// Largest radiance of a sample in units of the scale, as a power of two.
 const LIMIT_BITS: i32 = 48;
+
+/// Largest coordinate, as a power of two.
+const POSITION_BITS: i32 = 100;
 
 /// A picture in the making. Tiles are merged from any thread, in any order.
 ///
 /// Each pixel holds for each group of its samples ([`Groups`]) Σw and Σw·R, Σw·G, Σw·B, and Σw·v for every
 /// filtered layer, as i128 with a quantum of 2^-63 times the scale of the
-/// value: sums up to 2^64 scales are exact.
+/// value. What a sum beyond 2^64 scales needs more is kept beside the row, and
+/// takes no room where there is none: no sum can overflow.
 pub struct Film {
     spec: FilmSpec,
     layers: LayerSet,
@@ -32,13 +36,64 @@ pub struct Film {
     units: Vec<f64>,
     limits: Limits,
     rows: Vec<Mutex<Row>>,
-    overflow: AtomicU64,
 }
 
 /// The sums of one row of the pixels stored.
 pub(super) struct Row {
+    /// Modulo 2^128, as signed numbers.
     sums: Vec<i128>,
+    /// What is missing, in units of 2^128, by the index of the sum: next to
+    /// always empty.
+    carries: BTreeMap<usize, i128>,
     depth: Vec<f32>,
+    bad: Vec<u32>,
+}
+
+impl Row {
+    /// An empty row.
+    fn new(width: usize, stride: usize, layers: LayerSet) -> Row {
+        Row {
+            sums: vec![0; width * stride],
+            carries: BTreeMap::new(),
+            depth: vec![f32::INFINITY; if layers.depth { width } else { 0 }],
+            bad: vec![0; if layers.bad { width } else { 0 }],
+        }
+    }
+
+    /// The sum of an index.
+    fn get(&self, at: usize) -> Wide {
+        let carry = if self.carries.is_empty() { None } else { self.carries.get(&at) };
+        Wide { low: self.sums[at], carry: carry.copied().unwrap_or(0) }
+    }
+
+    /// Adds a value that may not fit.
+    #[cold]
+    fn add_wide(&mut self, at: usize, value: Wide) {
+        let total = self.get(at).plus(value);
+        self.set(at, total);
+    }
+
+    fn set(&mut self, at: usize, value: Wide) {
+        self.sums[at] = value.low;
+        if value.carry == 0 {
+            self.carries.remove(&at);
+        } else {
+            self.carries.insert(at, value.carry);
+        }
+    }
+
+    /// Adds a sum to another and empties it.
+    fn empty_into(&mut self, from: usize, to: usize) {
+        match self.sums[to].checked_add(self.sums[from]) {
+            Some(total) if self.carries.is_empty() => self.sums[to] = total,
+            _ => {
+                let total = self.get(to).plus(self.get(from));
+                self.set(to, total);
+                self.carries.remove(&from);
+            }
+        }
+        self.sums[from] = 0;
+    }
 }
 
 /// A finished picture: named channels over a window of the full film.
@@ -70,45 +125,43 @@ impl Picture {
 }
 
 impl Film {
-    /// An empty film. `radiance_scale` is the order of magnitude of the
-    /// radiance; it is rounded to a power of two. Radiance is summed with a
-    /// quantum of 2^-63 times it, and samples above 2^48 times it count as
-    /// overflow. Anything but a finite number above 0 stands for 1.
+    /// An empty film. `scale` is the order of magnitude of the radiance; it is
+    /// rounded to a power of two. Radiance is summed with a quantum of 2^-63
+    /// times it (less where lights differ by more than 2^20), and samples above
+    /// 2^48 times it are not taken.
     #[must_use]
-    pub fn new(spec: FilmSpec, layers: LayerSet, radiance_scale: f64) -> Film {
-        Film::grouped(spec, layers, radiance_scale, Groups::Halves)
+    pub fn new(spec: FilmSpec, layers: LayerSet, scale: impl Into<Scale>) -> Film {
+        Film::grouped(spec, layers, scale, Groups::Halves)
     }
 
     /// As [`Film::new`], with the samples kept apart as `groups` says.
     #[must_use]
-    pub fn grouped(spec: FilmSpec, layers: LayerSet, radiance_scale: f64, groups: Groups) -> Film {
+    pub fn grouped(spec: FilmSpec, layers: LayerSet, scale: impl Into<Scale>, groups: Groups) -> Film {
         let layout = Layout::new(layers, groups);
-        let radiance = power_of_two(radiance_scale);
+        let scale = scale.into();
+        let radiance = scale.radiance();
         let one = 2f64.powi(FRACTION_BITS);
         let mut units = vec![one; layout.stride];
         for group in units[..layout.extras].chunks_exact_mut(PER_GROUP) {
-            group[1..].fill(one / radiance);
+            group[1..].fill(one / scale.unit());
         }
-        let limit = 2f64.powi(LIMIT_BITS);
         if let Some(at) = layout.moment {
             units[at..at + 3].fill(one / radiance / radiance);
         }
-        let limits = Limits {
-            radiance: (limit * radiance).min(f64::from(f32::MAX)) as f32,
-            position: limit as f32,
-            moment: limit * radiance * radiance,
-        };
+        let limits =
+            Limits { radiance: Film::largest_radiance(scale), position: 2f64.powi(POSITION_BITS) as f32 };
         let window = spec.stored();
-        let depth = if layers.depth { window.width() } else { 0 };
         let rows = (0..window.height())
-            .map(|_| {
-                Mutex::new(Row {
-                    sums: vec![0; window.width() * layout.stride],
-                    depth: vec![f32::INFINITY; depth],
-                })
-            })
+            .map(|_| Mutex::new(Row::new(window.width(), layout.stride, layers)))
             .collect();
-        Film { spec, layers, layout, units, limits, rows, overflow: AtomicU64::new(0) }
+        Film { spec, layers, layout, units, limits, rows }
+    }
+
+    /// The largest radiance of a sample that a film of this scale takes; a
+    /// sample with more is left out.
+    #[must_use]
+    pub fn largest_radiance(scale: impl Into<Scale>) -> f32 {
+        (2f64.powi(LIMIT_BITS) * scale.into().radiance()).min(f64::from(f32::MAX)) as f32
     }
 
     /// What it was made of.
@@ -148,7 +201,7 @@ impl Film {
     /// Empty sums for the samples of some pixels.
     #[must_use]
     pub fn tile(&self, rect: Rect) -> Tile {
-        Tile::new(rect, self.spec.stored(), self.spec.filter, self.layout, self.layers.depth, self.limits)
+        Tile::new(rect, self.spec.stored(), self.spec.filter, self.layout, self.layers, self.limits)
     }
 
     /// To be called before sample `next` of each pixel is merged, and after all
@@ -158,10 +211,10 @@ impl Film {
     pub fn advance(&self, next: u64) {
         let Some(slot) = old_slot(next).filter(|_| self.layout.groups == Groups::Halves) else { return };
         for y in 0..self.rows.len() {
-            for cell in self.row(y).sums.chunks_exact_mut(self.layout.stride) {
-                let (old, levels) = cell.split_at_mut(PER_GROUP);
-                for (sum, level) in old.iter_mut().zip(&mut levels[(slot - 1) * PER_GROUP..]) {
-                    *sum = sum.saturating_add(std::mem::take(level));
+            let mut row = self.row(y);
+            for cell in (0..row.sums.len()).step_by(self.layout.stride) {
+                for k in cell..cell + PER_GROUP {
+                    row.empty_into(k + slot * PER_GROUP, k);
                 }
             }
         }
@@ -172,41 +225,36 @@ impl Film {
     pub fn merge(&self, tile: &Tile) {
         debug_assert!(tile.layout == self.layout, "a tile of another film");
         let (area, window, stride) = (tile.area, self.spec.stored(), self.layout.stride);
-        let mut overflow = tile.overflow;
         for (y, sums) in (area.min.1..area.max.1).zip(tile.sums.chunks_exact((area.width() * stride).max(1)))
         {
             let mut row = self.row((y - window.min.1) as usize);
             let first = (area.min.0 - window.min.0) as usize;
-            let cells = row.sums[first * stride..][..sums.len()].chunks_exact_mut(stride);
-            for (cell, added) in cells.zip(sums.chunks_exact(stride)) {
-                for ((sum, added), unit) in cell.iter_mut().zip(added).zip(&self.units) {
+            for (x, added) in sums.chunks_exact(stride).enumerate() {
+                let cell = (first + x) * stride;
+                for (k, (added, unit)) in added.iter().zip(&self.units).enumerate() {
                     // Most groups have no sample in a pass.
                     if *added == 0.0 {
                         continue;
                     }
-                    match sum.checked_add(to_fixed(*added, *unit)) {
-                        Some(total) => *sum = total,
-                        None => overflow += 1,
+                    let value = Wide::rounded(added * unit);
+                    match row.sums[cell + k].checked_add(value.low) {
+                        Some(total) if value.carry == 0 => row.sums[cell + k] = total,
+                        _ => row.add_wide(cell + k, value),
                     }
                 }
             }
+            let columns = || area.index((area.min.0, y))..area.index((area.min.0, y)) + area.width();
             if self.layers.depth {
-                let depth = &tile.depth[area.index((area.min.0, y))..][..area.width()];
-                for (closest, z) in row.depth[first..].iter_mut().zip(depth) {
+                for (closest, z) in row.depth[first..].iter_mut().zip(&tile.depth[columns()]) {
                     *closest = closest.min(*z);
                 }
             }
+            if self.layers.bad {
+                for (count, more) in row.bad[first..].iter_mut().zip(&tile.bad[columns()]) {
+                    *count = count.saturating_add(*more);
+                }
+            }
         }
-        if overflow > 0 {
-            self.overflow.fetch_add(overflow, Ordering::Relaxed);
-        }
-    }
-
-    /// Samples (or sums) left out because they were beyond the range of the
-    /// sums. Not zero means that the picture is too dark somewhere.
-    #[must_use]
-    pub fn overflow(&self) -> u64 {
-        self.overflow.load(Ordering::Relaxed)
     }
 
     /// Heap memory in bytes.
@@ -219,12 +267,14 @@ impl Film {
     #[must_use]
     pub fn bytes_for(spec: &FilmSpec, layers: LayerSet, groups: Groups) -> usize {
         let stride = Layout::new(layers, groups).stride;
-        let pixel = stride * size_of::<i128>() + usize::from(layers.depth) * size_of::<f32>();
+        let unfiltered = usize::from(layers.depth) + usize::from(layers.bad);
+        let pixel = stride * size_of::<i128>() + unfiltered * size_of::<f32>();
         spec.stored().area() * pixel
     }
 
     /// The picture as it is now. A pixel whose weights do not sum to more than
-    /// zero is 0.
+    /// zero is 0; what is beyond f32 (a mean square, or a mean where a filter's
+    /// negative lobes leave little weight) is the largest f32.
     #[must_use]
     pub fn resolve(&self) -> Picture {
         let (window, stored) = (self.spec.window(), self.spec.stored());
@@ -237,16 +287,18 @@ impl Film {
             .collect();
         for y in 0..window.height() {
             let row = self.row(y + (window.min.1 - stored.min.1) as usize);
-            let cells = row.sums.chunks_exact(self.layout.stride).enumerate();
-            for (x, cell) in cells.skip(columns.start).take(columns.len()) {
-                let pixel = self.pixel(cell);
+            for x in columns.clone() {
+                let pixel = self.pixel(&row, x);
                 let values = pixel.mean.into_iter().chain(pixel.layers(&self.layout));
                 for (channel, value) in channels.iter_mut().zip(values) {
-                    channel.data.push(value as f32);
+                    channel.data.push(to_f32(value));
                 }
+                let unfiltered = &mut channels[3 + self.layout.stride - self.layout.extras..];
                 if self.layers.depth {
-                    let at = 3 + self.layout.stride - self.layout.extras;
-                    channels[at].data.push(row.depth[x]);
+                    unfiltered[0].data.push(row.depth[x]);
+                }
+                if self.layers.bad {
+                    unfiltered[usize::from(self.layers.depth)].data.push(row.bad[x] as f32);
                 }
             }
         }
@@ -255,7 +307,7 @@ impl Film {
             self.scan(|_, estimates| {
                 for pixel in estimates {
                     for (channel, v) in channels[first..].iter_mut().zip(pixel.variance) {
-                        channel.data.push(v.sqrt() as f32);
+                        channel.data.push(to_f32(v.sqrt()));
                     }
                 }
             });
@@ -278,6 +330,7 @@ impl Film {
         add(self.layers.moment, &["m2.R", "m2.G", "m2.B"]);
         add(self.layers.motion, &["forward.u", "forward.v"]);
         add(self.layers.depth, &["Z"]);
+        add(self.layers.bad, &["bad"]);
         add(self.layers.error, &["error.R", "error.G", "error.B"]);
         names
     }
@@ -290,28 +343,30 @@ impl Film {
 
     /// The sums of a row in units of the values.
     pub(super) fn pixels_of_row(&self, y: usize) -> Vec<PixelSums> {
-        self.row(y).sums.chunks_exact(self.layout.stride).map(|cell| self.pixel(cell)).collect()
+        let row = self.row(y);
+        (0..row.sums.len() / self.layout.stride).map(|x| self.pixel(&row, x)).collect()
     }
 
     /// The sums of a pixel as floats. All groups are added before rounding.
-    fn pixel(&self, cell: &[i128]) -> PixelSums {
-        let (groups, others) = cell.split_at(self.layout.extras);
-        let (units, other_units) = self.units.split_at(self.layout.extras);
+    fn pixel(&self, row: &Row, x: usize) -> PixelSums {
+        let (first, groups) = (x * self.layout.stride, self.layout.extras);
         let total: [f64; PER_GROUP] = std::array::from_fn(|k| {
-            let sums = groups.iter().skip(k).step_by(PER_GROUP);
-            sums.fold(0_i128, |a, b| a.saturating_add(*b)) as f64 / units[k]
+            let sums = (k..groups).step_by(PER_GROUP).map(|at| row.get(first + at));
+            sums.fold(Wide::default(), Wide::plus).to_f64() / self.units[k]
         });
         let weight = total[0];
         let over = |sum: f64| if weight > 0.0 { sum / weight } else { 0.0 };
+        let float = |at: usize| row.get(first + at).to_f64() / self.units[at];
         let mut extras = [0.0; MAX_EXTRAS];
-        for ((out, sum), unit) in extras.iter_mut().zip(others).zip(other_units) {
-            *out = over(*sum as f64 / unit);
+        for (out, at) in extras.iter_mut().zip(groups..self.layout.stride) {
+            *out = over(float(at));
         }
-        let float = |sums: &[i128]| -> Sums { std::array::from_fn(|k| sums[k] as f64 / units[k]) };
+        let sums =
+            (0..groups).step_by(PER_GROUP).map(|at| -> Sums { std::array::from_fn(|k| float(at + k)) });
         PixelSums {
             weight,
             mean: [1, 2, 3].map(|k| over(total[k])),
-            noise: self.layout.groups.noise(groups.chunks_exact(PER_GROUP).map(float)),
+            noise: self.layout.groups.noise(sums),
             extras,
         }
     }
@@ -336,38 +391,11 @@ impl PixelSums {
     }
 }
 
-/// `value` in quanta, rounded to nearest. Scaling by a power of two is exact,
-/// and so is the conversion of anything above 2^53.
-fn to_fixed(value: f64, unit: f64) -> i128 {
-    (value * unit).round_ties_even() as i128
-}
-
-/// The nearest power of two (geometrically); 1 for what has none.
-fn power_of_two(x: f64) -> f64 {
-    if x > 0.0 && x.is_finite() { 2f64.powi(x.log2().round().clamp(-900.0, 900.0) as i32) } else { 1.0 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fixed_point_is_exact_where_f64_is() {
-        let one = 2f64.powi(FRACTION_BITS);
-        for v in [0.0, 1.0, -1.0, 0.1, 1e-15, 123_456.789, 2f64.powi(62), -2f64.powi(63)] {
-            let back = to_fixed(v, one) as f64 / one;
-            assert!((back - v).abs() <= 0.5 / one, "{v} {back}");
-        }
-        assert_eq!(to_fixed(f64::NAN, one), 0);
-    }
-
-    #[test]
-    fn scales_are_powers_of_two() {
-        assert_eq!(power_of_two(1.0), 1.0);
-        assert_eq!(power_of_two(1000.0), 1024.0);
-        assert_eq!(power_of_two(3e-5), 2f64.powi(-15));
-        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(power_of_two(bad), 1.0);
-        }
+/// Never infinite for what is finite.
+fn to_f32(value: f64) -> f32 {
+    if value.is_finite() {
+        value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+    } else {
+        value as f32
     }
 }

@@ -2,7 +2,7 @@
 
 use super::filter::{Filter, MAX_TAPS, Taps};
 use super::groups::PER_GROUP;
-use super::layers::{Layout, MAX_EXTRAS, PixelSample};
+use super::layers::{LayerSet, Layout, MAX_EXTRAS, PixelSample};
 use super::rect::Rect;
 use crate::math::Vec2;
 
@@ -16,11 +16,11 @@ pub struct Tile {
     crop: Rect,
     filter: Filter,
     pub(super) layout: Layout,
-    keep_depth: bool,
+    layers: LayerSet,
     limits: Limits,
     pub(super) sums: Vec<f64>,
     pub(super) depth: Vec<f32>,
-    pub(super) overflow: u64,
+    pub(super) bad: Vec<u32>,
     /// Room for the weights of one sample along x and y.
     scratch: [[f64; MAX_TAPS]; 2],
     /// Room for what a sample adds beyond the groups.
@@ -30,9 +30,10 @@ pub struct Tile {
 /// Largest values a sample may have, so that sums stay in range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Limits {
+    /// A sample of more is left out.
     pub radiance: f32,
+    /// Positions and motion are held to it.
     pub position: f32,
-    pub moment: f64,
 }
 
 impl Tile {
@@ -41,7 +42,7 @@ impl Tile {
         crop: Rect,
         filter: Filter,
         layout: Layout,
-        keep_depth: bool,
+        layers: LayerSet,
         limits: Limits,
     ) -> Tile {
         let mut tile = Tile {
@@ -50,11 +51,11 @@ impl Tile {
             crop,
             filter,
             layout,
-            keep_depth,
+            layers,
             limits,
             sums: Vec::new(),
             depth: Vec::new(),
-            overflow: 0,
+            bad: Vec::new(),
             scratch: [[0.0; MAX_TAPS]; 2],
             extras: [0.0; MAX_EXTRAS],
         };
@@ -66,12 +67,15 @@ impl Tile {
     pub fn reset(&mut self, rect: Rect) {
         self.rect = rect;
         self.area = rect.grow(self.filter.reach()).intersect(&self.crop);
-        self.overflow = 0;
         self.sums.clear();
         self.sums.resize(self.area.area() * self.layout.stride, 0.0);
         self.depth.clear();
-        if self.keep_depth {
+        if self.layers.depth {
             self.depth.resize(self.area.area(), f32::INFINITY);
+        }
+        self.bad.clear();
+        if self.layers.bad {
+            self.bad.resize(self.area.area(), 0);
         }
     }
 
@@ -81,34 +85,37 @@ impl Tile {
         self.rect
     }
 
-    /// Samples left out because their radiance was beyond what the film can
-    /// sum (2^48 times its scale, or not a number).
-    #[must_use]
-    pub fn overflow(&self) -> u64 {
-        self.overflow
+    /// Marks in the layer `bad` that a sample of `pixel` was left out.
+    pub fn leave_out(&mut self, pixel: (i32, i32)) {
+        if self.layers.bad && self.area.contains(pixel) {
+            let count = &mut self.bad[self.area.index(pixel)];
+            *count = count.saturating_add(1);
+        }
     }
 
     /// Adds sample `index` of `pixel`, taken at `offset` in [0, 1)² from the
-    /// pixel's upper left corner, to all pixels that the filter reaches.
+    /// pixel's upper left corner, to all pixels that the filter reaches. False,
+    /// and nothing is added, when its radiance is beyond what the film can sum
+    /// ([`Film::largest_radiance`](super::Film::largest_radiance)): the caller
+    /// counts it.
     ///
     /// The order of calls is the order of the sums: the caller keeps it fixed.
-    pub fn add(&mut self, pixel: (i32, i32), offset: Vec2, index: u64, sample: &PixelSample) {
+    pub fn add(&mut self, pixel: (i32, i32), offset: Vec2, index: u64, sample: &PixelSample) -> bool {
         debug_assert!(sample.is_valid(), "{sample:?} at pixel {pixel:?}, sample {index}");
         debug_assert!(self.rect.contains(pixel), "pixel {pixel:?} outside {:?}", self.rect);
         // So written that NaN fails.
         if !(sample.rgb.abs().cmple(crate::math::Vec3::splat(self.limits.radiance)).all()) {
-            self.overflow += 1;
-            return;
+            return false;
         }
-        if self.keep_depth && self.area.contains(pixel) {
+        if self.layers.depth && self.area.contains(pixel) {
             let depth = &mut self.depth[self.area.index(pixel)];
             *depth = depth.min(sample.depth);
         }
 
         let [scratch_x, scratch_y] = &mut self.scratch;
         let (columns, rows) = (self.filter.taps(offset.x, scratch_x), self.filter.taps(offset.y, scratch_y));
-        let Some((x0, wx)) = clip(&columns, pixel.0, self.area.min.0, self.area.max.0) else { return };
-        let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return };
+        let Some((x0, wx)) = clip(&columns, pixel.0, self.area.min.0, self.area.max.0) else { return true };
+        let Some((y0, wy)) = clip(&rows, pixel.1, self.area.min.1, self.area.max.1) else { return true };
         let group = self.layout.groups.of(index) * PER_GROUP;
         let [r, g, b] = sample.rgb.as_dvec3().to_array();
         let count = self.layout.write_extras(sample, &self.limits, &mut self.extras);
@@ -122,6 +129,7 @@ impl Tile {
                 splat(&mut groups[group..group + PER_GROUP], others, wx * wy, (&values, extras));
             }
         }
+        true
     }
 }
 

@@ -148,8 +148,10 @@ impl Reservoir {
     /// The chosen one in place of all, times `factor`.
     fn stands_for(&self, factor: f64) -> Option<Connection> {
         let mut chosen = self.chosen?;
-        chosen.contribution *= (self.sum / self.share * factor) as f32;
-        chosen.contribution.is_finite().then_some(chosen)
+        // Of one alone nothing is divided: it may be infinite.
+        let others = if self.sum == self.share { 1.0 } else { self.sum / self.share };
+        chosen.contribution *= (others * factor) as f32;
+        Some(chosen)
     }
 }
 

@@ -18,7 +18,7 @@ pub use path::Path;
 pub use record::{Counters, Event, NoRecord, Record, Vertex};
 pub use whitted::Whitted;
 
-use crate::film::PixelSample;
+use crate::film::{PixelSample, Scale};
 use crate::material::Scatter;
 use crate::math::{Ray, Vec2};
 use crate::sampling::Sampler;
@@ -76,18 +76,26 @@ impl Integrator {
         }
     }
 
-    /// The size of what it measures, a power of two: the unit of the film's
-    /// exact sums. It follows the scene, so that brighter lights or a larger
-    /// scene shift no bit of the picture.
+    /// The sizes of what it measures, powers of two: from them comes the unit
+    /// of the film's exact sums. They follow the scene, so that brighter lights
+    /// or a larger scene shift no bit of the picture.
     #[must_use]
-    pub fn radiance_scale(&self, scene: &Scene) -> f64 {
+    pub fn radiance_scale(&self, scene: &Scene) -> Scale {
         let radius = f64::from(scene.bounds().bounding_sphere().1);
-        let size = match self {
-            Integrator::AmbientOcclusion(_) => 1.0,
-            Integrator::Depth(_) => radius,
-            _ => scene.magnitudes(radius).fold(0.0, f64::max),
+        let usable = |size: &f64| *size > 0.0 && size.is_finite();
+        let [largest, smallest] = match self {
+            Integrator::AmbientOcclusion(_) => [1.0; 2],
+            Integrator::Depth(_) => [radius; 2],
+            _ => [
+                scene.magnitudes(radius).fold(0.0, f64::max),
+                scene.magnitudes(radius).filter(usable).fold(f64::INFINITY, f64::min),
+            ],
         };
-        if size > 0.0 && size.is_finite() { size.log2().ceil().exp2() } else { 1.0 }
+        let power = |size: f64| if usable(&size) { size.log2().ceil().exp2() } else { 1.0 };
+        Scale {
+            largest: power(largest),
+            smallest: if usable(&smallest) { power(smallest) } else { power(largest) },
+        }
     }
 
     /// Estimates what one sample of one pixel sees. `record` is told of every

@@ -106,6 +106,11 @@ impl Path {
                     return out;
                 }
             }
+            // What such a path would have found is not known: the film must not take it.
+            if !state.beta.is_finite() {
+                out.rgb += state.beta;
+                return out;
+            }
             if !self.survive(camera, &mut state, record) {
                 return out;
             }

@@ -138,11 +138,12 @@ impl Light {
             Light::EnvMap(l) => l.sample(u),
             Light::SunSky(l) => l.sample(u),
         }?;
-        let usable = sample.pdf > 0.0
-            && sample.pdf.is_finite()
-            && sample.radiance.is_finite()
-            && sample.radiance.max_element() > 0.0;
-        usable.then_some(sample)
+        // An infinite density is light of which nothing arrives. What is not a
+        // number or infinitely bright goes on to the film, which counts it.
+        let nothing = sample.pdf <= 0.0
+            || sample.pdf == f32::INFINITY
+            || sample.radiance.is_finite() && sample.radiance.max_element() <= 0.0;
+        (!nothing).then_some(sample)
     }
 
     /// Radiance that arrives from the unit direction `wi` where nothing is

@@ -92,18 +92,13 @@ pub struct ScatterSample {
 
 impl ScatterSample {
     /// A lobe's sample with what the whole material makes of it; `None` when
-    /// that carries nothing.
+    /// that carries nothing. A weight that is not finite goes on: the path is
+    /// to be found and counted.
     #[inline]
     fn checked(sample: &BsdfSample, wi: Vec3, weight: Rgb, pdf: f32) -> Option<ScatterSample> {
         let BsdfSample { delta, null, eta, .. } = *sample;
-        (weight.max_element() > 0.0 && weight.is_finite()).then_some(ScatterSample {
-            wi,
-            weight,
-            pdf,
-            delta,
-            null,
-            eta,
-        })
+        let nothing = weight.is_finite() && weight.max_element() <= 0.0;
+        (!nothing).then_some(ScatterSample { wi, weight, pdf, delta, null, eta })
     }
 }
 
@@ -259,6 +254,9 @@ impl<'a> Scatter<'a> {
                 pdf *= lobe.weight;
             } else {
                 let (f, p) = self.eval_pdf(wo, wi);
+                if p <= 0.0 {
+                    return None;
+                }
                 (weight, pdf) = (f / p, p);
             }
         }

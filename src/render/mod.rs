@@ -8,12 +8,15 @@
 //! f64 in a fixed order, and is then added to the film exactly; so the picture
 //! depends neither on the number of threads nor on the order of tiles.
 
+mod bad;
+mod memory;
 mod pass;
 mod replay;
 mod stats;
 
+pub use bad::{BadSample, BadSamples, Cause};
 pub use replay::{Replay, replay};
-pub use stats::{BadSamples, RenderStats, peak_memory_bytes};
+pub use stats::{RenderStats, peak_memory_bytes};
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -141,8 +144,8 @@ pub struct Rendered {
 /// Renders a scene.
 ///
 /// # Errors
-/// Zero samples, too many replicas, lights that the integrator cannot find, or
-/// threads that cannot be started.
+/// Zero samples, too many replicas, lights that the integrator cannot find, a
+/// film that does not fit into memory, or threads that cannot be started.
 pub fn render(
     scene: &Scene,
     integrator: &Integrator,
@@ -162,6 +165,7 @@ pub fn render(
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
+    memory::check_room(&scene.film, options.layers, Groups::of_replicas(options.replicas))?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build()
@@ -175,6 +179,8 @@ struct Job<'a> {
     options: &'a RenderOptions,
     monitor: &'a dyn Monitor,
     film: Film,
+    /// The largest radiance that the film takes.
+    largest: f32,
     tiles: Vec<Rect>,
     totals: Mutex<(Counters, BadSamples)>,
     cpu_nanoseconds: AtomicU64,
@@ -201,11 +207,12 @@ impl<'a> Job<'a> {
             options,
             monitor,
             film,
+            largest: Film::largest_radiance(scale),
             tiles,
             totals: Mutex::default(),
             cpu_nanoseconds: AtomicU64::new(0),
             done: AtomicU64::new(0),
-            total: pixels * options.samples_per_pixel,
+            total: pixels.saturating_mul(options.samples_per_pixel),
         }
     }
 
@@ -249,8 +256,7 @@ impl<'a> Job<'a> {
             }
         };
         let wall = start.elapsed().as_secs_f64();
-        let (counters, mut bad) = self.totals.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        bad.overflow = self.film.overflow();
+        let (counters, bad) = self.totals.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
         let relative = error.filter(|_| estimated_at == next).unwrap_or_else(|| self.film.relative());
         let stats = RenderStats {
             wall_seconds: wall,
@@ -307,8 +313,14 @@ impl<'a> Job<'a> {
                 let (mut camera, offset) = CameraSample::new(self.scene, pixel, sampler);
                 camera.layers = layers;
                 let sample = self.integrator.sample(self.scene, &camera, &mut record);
-                if bad.check(&sample, pixel, index) {
-                    tile.add(pixel, offset, index, &sample);
+                match Cause::of(&sample, self.largest) {
+                    None => {
+                        tile.add(pixel, offset, index, &sample);
+                    }
+                    Some(cause) => {
+                        tile.leave_out(pixel);
+                        bad.count(BadSample { pixel, index, cause });
+                    }
                 }
             }
         }

@@ -1,83 +1,10 @@
-//! What a render took, and the samples it had to leave out.
+//! What a render took.
 
 use serde_json::{Value, json};
 
-use super::Stopped;
-use crate::film::PixelSample;
+use super::{BadSamples, Stopped};
 use crate::integrator::Counters;
 use crate::scene::Plan;
-
-/// Samples left out because they are no radiance, counted by cause; the first
-/// ten are located.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct BadSamples {
-    /// Not a number.
-    pub nan: u64,
-    /// Infinite.
-    pub infinite: u64,
-    /// Negative.
-    pub negative: u64,
-    /// Too large for the film's sums.
-    pub overflow: u64,
-    /// (x, y, sample) of the first ten in the order of sample, row and column.
-    pub located: Vec<(i32, i32, u64)>,
-}
-
-impl BadSamples {
-    const KEPT: usize = 10;
-
-    /// True when the sample is a radiance; else counts it.
-    pub fn check(&mut self, sample: &PixelSample, pixel: (i32, i32), index: u64) -> bool {
-        let rgb = sample.rgb;
-        if rgb.is_finite() && rgb.min_element() >= 0.0 {
-            return true;
-        }
-        if rgb.is_nan() {
-            self.nan += 1;
-        } else if !rgb.is_finite() {
-            self.infinite += 1;
-        } else {
-            self.negative += 1;
-        }
-        self.located.push((pixel.0, pixel.1, index));
-        self.keep_first();
-        false
-    }
-
-    /// Adds another tile's.
-    pub fn add(&mut self, other: &BadSamples) {
-        self.nan += other.nan;
-        self.infinite += other.infinite;
-        self.negative += other.negative;
-        self.overflow += other.overflow;
-        self.located.extend(&other.located);
-        self.keep_first();
-    }
-
-    fn keep_first(&mut self) {
-        self.located.sort_unstable_by_key(|(x, y, index)| (*index, *y, *x));
-        self.located.truncate(Self::KEPT);
-    }
-
-    /// All of them.
-    #[must_use]
-    pub fn total(&self) -> u64 {
-        self.nan + self.infinite + self.negative + self.overflow
-    }
-
-    /// For messages and the header.
-    #[must_use]
-    pub fn summary(&self) -> String {
-        format!(
-            "{} (NaN {}, infinite {}, negative {}, overflow {})",
-            self.total(),
-            self.nan,
-            self.infinite,
-            self.negative,
-            self.overflow
-        )
-    }
-}
 
 /// What a render took.
 #[derive(Clone, Debug)]
@@ -136,14 +63,7 @@ impl RenderStats {
             "film_bytes": self.film_bytes,
             "stopped": self.stopped.reason(),
             "peak_memory_bytes": peak_memory_bytes(),
-            "bad_samples": {
-                "total": self.bad.total(),
-                "nan": self.bad.nan,
-                "infinite": self.bad.infinite,
-                "negative": self.bad.negative,
-                "overflow": self.bad.overflow,
-                "first": self.bad.located.iter().map(|(x, y, i)| json!({"x": x, "y": y, "sample": i})).collect::<Vec<_>>(),
-            },
+            "bad_samples": self.bad.to_json(),
             "plan": plan.to_json(),
         })
     }

@@ -7,7 +7,7 @@
 //! what was rendered. The same picture and header give the same bytes.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use exr::prelude::{
@@ -62,23 +62,44 @@ pub struct Options {
     pub half: bool,
 }
 
-/// Writes a picture; returns the number of values that `half` cut off.
+/// A channel that half floats could not hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Saturated {
+    /// Its name.
+    pub channel: String,
+    /// How many of its values became ±65504.
+    pub count: u64,
+}
+
+/// Writes a picture; returns the channels of which `half` cut off values.
 ///
 /// Fails with the path and the reason when the file cannot be written, and
 /// then leaves a file that was there untouched.
-pub fn write_exr(path: &Path, picture: &Picture, header: &Header, options: Options) -> Result<u64> {
+pub fn write_exr(
+    path: &Path,
+    picture: &Picture,
+    header: &Header,
+    options: Options,
+) -> Result<Vec<Saturated>> {
     check(picture, header)
         .map_err(|what| Error::new(format!("cannot write `{}`: {what}", path.display())))?;
     let (image, saturated) = image(picture, header, options);
     write_whole(path, |mut file: &File| {
         let mut writer = BufWriter::new(file);
-        image.write().to_buffered(&mut writer)?;
+        image.write().to_buffered(&mut writer).map_err(io_error)?;
         writer.flush()?;
         drop(writer);
         sort_attributes(&mut file)?;
         Ok(())
     })?;
     Ok(saturated)
+}
+
+fn io_error(error: exr::error::Error) -> io::Error {
+    match error {
+        exr::error::Error::Io(error) => error,
+        other => io::Error::other(other.to_string()),
+    }
 }
 
 /// What the format cannot hold.
@@ -118,8 +139,8 @@ fn image(
     picture: &Picture,
     header: &Header,
     options: Options,
-) -> (Image<Layer<AnyChannels<FlatSamples>>>, u64) {
-    let mut saturated = 0;
+) -> (Image<Layer<AnyChannels<FlatSamples>>>, Vec<Saturated>) {
+    let mut saturated = Vec::new();
     let mut list: SmallVec<[AnyChannel<FlatSamples>; 4]> = SmallVec::new();
     for channel in &picture.channels {
         let half = options.half && matches!(channel.name.as_str(), "R" | "G" | "B" | "A");
@@ -154,8 +175,11 @@ fn image(
 }
 
 /// A channel in half precision, with its largest values cut off and counted.
-fn halves(channel: &Channel, saturated: &mut u64) -> FlatSamples {
-    *saturated += channel.data.iter().filter(|v| v.abs() > HALF_MAX).count() as u64;
+fn halves(channel: &Channel, saturated: &mut Vec<Saturated>) -> FlatSamples {
+    let count = channel.data.iter().filter(|v| v.abs() > HALF_MAX).count() as u64;
+    if count > 0 {
+        saturated.push(Saturated { channel: channel.name.clone(), count });
+    }
     FlatSamples::F16(channel.data.iter().map(|v| f16::from_f32(v.clamp(-HALF_MAX, HALF_MAX))).collect())
 }
 

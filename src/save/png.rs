@@ -1,11 +1,11 @@
 //! Tone-mapped previews: 8-bit sRGB PNG.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, ImageError};
 
 use super::file::write_whole;
 use super::tone::Tone;
@@ -34,12 +34,13 @@ pub fn write_png(path: &Path, picture: &Picture, tone: Tone) -> Result<()> {
     }
     write_whole(path, |file: &File| {
         let mut writer = BufWriter::new(file);
-        PngEncoder::new(&mut writer).write_image(
-            &bytes,
-            width as u32,
-            height as u32,
-            ExtendedColorType::Rgb8,
-        )?;
+        let (width, height) = (width as u32, height as u32);
+        let encoded =
+            PngEncoder::new(&mut writer).write_image(&bytes, width, height, ExtendedColorType::Rgb8);
+        encoded.map_err(|error| match error {
+            ImageError::IoError(error) => error,
+            other => io::Error::other(other.to_string()),
+        })?;
         writer.flush()?;
         Ok(())
     })

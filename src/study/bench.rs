@@ -298,6 +298,7 @@ impl Bench {
             threads: stats.threads,
             rays: stats.counters.rays(),
             bad_samples: stats.bad.total(),
+            bad_causes: stats.bad.counts.to_vec(),
             reported_error: stats.relative_error,
             measured_against: subject.measured_against.clone(),
             figures,
@@ -506,6 +507,8 @@ fn header(stats: &RenderStats, options: &RenderOptions, candidate: &Candidate) -
             text("integrator", candidate.integrator.name().to_owned()),
             text("samples", stats.samples_per_pixel.to_string()),
             text("configuration", candidate.name.clone()),
+            text("badSamples", stats.bad.summary()),
+            text("badSamplesFirst", stats.bad.places().join("\n")),
         ],
         ..Header::default()
     }

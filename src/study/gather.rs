@@ -17,6 +17,7 @@ use super::truth::Truth;
 use super::{Image, conclude};
 use crate::desc::{Error, Result};
 use crate::load::read_picture;
+use crate::render::Cause;
 
 /// Level of all intervals.
 const CONFIDENCE: f64 = 0.95;
@@ -334,9 +335,26 @@ fn notes<'a>(
     }
     let bad: u64 = runs.iter().map(|r| r.bad_samples).sum();
     if bad > 0 {
-        notes.push(format!("{bad} samples were no radiance and were left out."));
+        notes.push(format!("{bad} samples were no radiance and were left out{}.", causes(runs)));
     }
     notes
+}
+
+/// Why samples were left out, in which run the first: its file's header says
+/// where in the picture.
+fn causes(runs: &[Run]) -> String {
+    let of = |k: usize| runs.iter().filter_map(|r| r.bad_causes.get(k)).sum::<u64>();
+    let causes: Vec<String> = (0..Cause::ALL.len())
+        .filter(|k| of(*k) > 0)
+        .map(|k| format!("{} {}", Cause::ALL[k].name(), of(k)))
+        .collect();
+    let first =
+        runs.iter().find(|r| r.bad_samples > 0).map_or(String::new(), |r| r.image.display().to_string());
+    if causes.is_empty() {
+        String::new()
+    } else {
+        format!(" ({}; see the header of {first})", causes.join(", "))
+    }
 }
 
 /// The scene's picture of each configuration for the viewer: the first run of

@@ -54,6 +54,9 @@ pub struct Run {
     pub rays: u64,
     /// Samples left out because they were no radiance.
     pub bad_samples: u64,
+    /// The same by cause, in the order of [`crate::render::Cause::ALL`].
+    #[serde(default)]
+    pub bad_causes: Vec<u64>,
     /// Relative error that the renderer reports; NaN where there is none.
     #[serde(with = "super::model::nullable")]
     pub reported_error: f64,
@@ -130,8 +133,10 @@ impl Ledger {
     /// # Errors
     /// When the line cannot be written.
     pub fn add(&mut self, run: Run) -> Result<()> {
-        let failed =
-            |e: &dyn std::fmt::Display| Error::new(format!("cannot write `{}`: {e}", self.path.display()));
+        let failed = |e: &dyn std::fmt::Display| {
+            Error::new(format!("cannot write `{}`: {e}", self.path.display()))
+                .hint("with that mended, the same command goes on from here")
+        };
         let mut line = serde_json::to_string(&run).map_err(|e| failed(&e))?;
         line.push('\n');
         self.file.write_all(line.as_bytes()).and_then(|()| self.file.sync_data()).map_err(|e| failed(&e))?;
@@ -162,6 +167,7 @@ mod tests {
             threads: 2,
             rays: 100,
             bad_samples: 0,
+            bad_causes: Vec::new(),
             reported_error: 0.5,
             measured_against: String::new(),
             figures: vec![("colour".to_owned(), Metric::RelMse, None)],

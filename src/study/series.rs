@@ -133,6 +133,7 @@ impl Columns {
             threads: 0,
             rays: 0,
             bad_samples: 0,
+            bad_causes: Vec::new(),
             reported_error: f64::NAN,
             measured_against: subject.measured_against.clone(),
             figures: subject.figures(&picture)?,
