@@ -180,6 +180,8 @@ pub(super) struct Workshop {
     export: Option<PathBuf>,
     offered: Vec<serde_json::Value>,
     files: Option<tempfile::TempDir>,
+    /// Files named so far.
+    named: u32,
 }
 
 impl Workshop {
@@ -192,6 +194,7 @@ impl Workshop {
             export: options.export.clone(),
             offered: Vec::new(),
             files: None,
+            named: 0,
         }
     }
 
@@ -213,6 +216,12 @@ impl Workshop {
         Ok(self.files.insert(files).path().to_path_buf())
     }
 
+    /// No two files of a row have the same name: scenes written earlier keep theirs.
+    fn new_name(&mut self, name: &str) -> String {
+        self.named += 1;
+        format!("{}-{}-{name}", self.id, self.named)
+    }
+
     /// Writes a mesh for scenes to name; returns the name.
     pub(super) fn mesh(&mut self, name: &str, mesh: &Mesh) -> Result<String> {
         self.file(&format!("{name}.ply"), &meshes::ply(mesh))
@@ -220,7 +229,7 @@ impl Workshop {
 
     /// Writes a file for scenes to name; returns the name.
     pub(super) fn file(&mut self, name: &str, bytes: &[u8]) -> Result<String> {
-        let name = format!("{}-{name}", self.id);
+        let name = self.new_name(name);
         write(&self.folder()?.join(&name), bytes)?;
         Ok(name)
     }
@@ -232,7 +241,7 @@ impl Workshop {
         size: [u32; 2],
         value: &dyn Fn(u32) -> [f32; 3],
     ) -> Result<String> {
-        let name = format!("{}-{name}.exr", self.id);
+        let name = self.new_name(&format!("{name}.exr"));
         let count = size[0] * size[1];
         let channel = |k: usize, name: &str| Channel {
             name: name.to_owned(),
