@@ -188,7 +188,11 @@ fn write_or_rescue(args: &RenderArgs, path: &Path, write: impl Fn(&Path) -> Resu
         return Ok(());
     };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let elsewhere = std::env::temp_dir().join(format!("etendue-{}-{name}", std::process::id()));
+    // In a folder that others write to as well: a name that nobody has.
+    let names = (0..).map(|n| format!("etendue-{}-{n}-{name}", std::process::id()));
+    let paths = names.map(|name| std::env::temp_dir().join(name));
+    let free = |path: &PathBuf| std::fs::symlink_metadata(path).is_err();
+    let elsewhere = paths.take(100).find(free).unwrap_or_default();
     match write(&elsewhere) {
         Ok(()) => Err(Error::new(format!(
             "{error}; the picture is not lost: it is in `{}`, move it from there",

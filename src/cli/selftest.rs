@@ -31,7 +31,7 @@ pub fn run(args: &SelftestArgs) -> Result<ExitCode> {
     };
     let done = |row: &RowReport, finished: usize, count: usize| {
         let verdict = if row.passed() { "ok" } else { "FAILED" };
-        eprintln!("[{finished:>2}/{count}] {:<4} {verdict:<6} {:>6.1} s  {}", row.id, row.seconds, row.what);
+        say!("[{finished:>2}/{count}] {:<4} {verdict:<6} {:>6.1} s  {}", row.id, row.seconds, row.what);
     };
     let report: Report = run_rows(&options, &done)?;
     if args.json {

@@ -66,11 +66,21 @@ impl Row {
         Wide { low: self.sums[at], carry: carry.copied().unwrap_or(0) }
     }
 
-    /// Adds a value that may not fit.
-    #[cold]
-    fn add_wide(&mut self, at: usize, value: Wide) {
-        let total = self.get(at).plus(value);
-        self.set(at, total);
+    /// Adds values, in quanta of 1/`units`, to the sums from `first` on.
+    fn add(&mut self, first: usize, values: &[f64], units: &[f64]) {
+        let Row { sums, carries, .. } = self;
+        let cell = sums[first..first + values.len()].iter_mut().enumerate();
+        for (((k, sum), value), unit) in cell.zip(values).zip(units) {
+            // Most groups have no sample in a pass.
+            if *value == 0.0 {
+                continue;
+            }
+            let added = Wide::rounded(value * unit);
+            match sum.checked_add(added.low) {
+                Some(total) if added.carry == 0 => *sum = total,
+                _ => add_wide(sum, carries, first + k, added),
+            }
+        }
     }
 
     fn set(&mut self, at: usize, value: Wide) {
@@ -230,18 +240,7 @@ impl Film {
             let mut row = self.row((y - window.min.1) as usize);
             let first = (area.min.0 - window.min.0) as usize;
             for (x, added) in sums.chunks_exact(stride).enumerate() {
-                let cell = (first + x) * stride;
-                for (k, (added, unit)) in added.iter().zip(&self.units).enumerate() {
-                    // Most groups have no sample in a pass.
-                    if *added == 0.0 {
-                        continue;
-                    }
-                    let value = Wide::rounded(added * unit);
-                    match row.sums[cell + k].checked_add(value.low) {
-                        Some(total) if value.carry == 0 => row.sums[cell + k] = total,
-                        _ => row.add_wide(cell + k, value),
-                    }
-                }
+                row.add((first + x) * stride, added, &self.units);
             }
             let columns = || area.index((area.min.0, y))..area.index((area.min.0, y)) + area.width();
             if self.layers.depth {
@@ -388,6 +387,17 @@ pub(super) struct PixelSums {
 impl PixelSums {
     fn layers(self, layout: &Layout) -> impl Iterator<Item = f64> {
         self.extras.into_iter().take(layout.stride - layout.extras)
+    }
+}
+
+/// Adds what does not fit to the sum of an index.
+#[cold]
+fn add_wide(sum: &mut i128, carries: &mut BTreeMap<usize, i128>, at: usize, added: Wide) {
+    let carry = carries.remove(&at).unwrap_or(0);
+    let total = Wide { low: *sum, carry }.plus(added);
+    *sum = total.low;
+    if total.carry != 0 {
+        carries.insert(at, total.carry);
     }
 }
 

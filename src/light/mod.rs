@@ -111,8 +111,8 @@ pub enum Target {
 
 impl Light {
     /// A direction from the receiver towards the light, chosen by `u` in
-    /// \[0, 1)²; `None` where the light sends nothing to it or its density is
-    /// not a positive number.
+    /// \[0, 1)²; `None` where the light sends nothing to it. What is
+    /// infinitely bright or not a number is passed on: the film counts it.
     #[must_use]
     pub fn sample(&self, geometry: &Geometry, receiver: &Receiver, u: Vec2) -> Option<LightSample> {
         self.sample_part(geometry, receiver, None, u)

@@ -12,6 +12,7 @@
 use serde_json::{Value, json};
 
 use crate::film::PixelSample;
+use crate::math::Rgb;
 
 /// Why a sample was left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -45,15 +46,24 @@ impl Cause {
     }
 
     /// What is wrong with a sample that a film is to sum which takes radiance
-    /// up to `largest`; `None` when it is good.
+    /// up to `largest` and has `layers` that the first hit decides; `None` when
+    /// it is good.
     #[inline]
     #[must_use]
-    pub fn of(sample: &PixelSample, largest: f32) -> Option<Cause> {
+    pub fn of(sample: &PixelSample, largest: f32, layers: bool) -> Option<Cause> {
         let rgb = sample.rgb;
-        if rgb.min_element() >= 0.0 && rgb.max_element() <= largest && sample.is_valid() {
+        // What is not a number fails both.
+        let in_range = rgb.cmpge(Rgb::ZERO) & rgb.cmple(Rgb::splat(largest));
+        if in_range.all() && (!layers || sample.is_valid()) {
             return None;
         }
-        Some(if rgb.is_nan() {
+        Some(Cause::of_bad(sample, largest))
+    }
+
+    #[cold]
+    fn of_bad(sample: &PixelSample, largest: f32) -> Cause {
+        let rgb = sample.rgb;
+        if rgb.is_nan() {
             Cause::Nan
         } else if !rgb.is_finite() {
             Cause::Infinite
@@ -63,7 +73,7 @@ impl Cause {
             Cause::Overflow
         } else {
             Cause::Layer
-        })
+        }
     }
 }
 
@@ -167,12 +177,12 @@ impl BadSamples {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{Rgb, Vec2, Vec3};
+    use crate::math::{Vec2, Vec3};
 
     #[test]
     fn causes_of_samples() {
         let of = |r: f32, g: f32| {
-            Cause::of(&PixelSample { rgb: Rgb::new(r, g, 1.0), ..PixelSample::default() }, 100.0)
+            Cause::of(&PixelSample { rgb: Rgb::new(r, g, 1.0), ..PixelSample::default() }, 100.0, true)
         };
         assert_eq!(of(0.0, -0.0), None);
         assert_eq!(of(100.0, 1e-45), None);
@@ -191,7 +201,8 @@ mod tests {
             PixelSample { motion: Vec2::NAN, ..good },
             PixelSample { depth: f32::NAN, ..good },
         ] {
-            assert_eq!(Cause::of(&layer, 100.0), Some(Cause::Layer), "{layer:?}");
+            assert_eq!(Cause::of(&layer, 100.0, true), Some(Cause::Layer), "{layer:?}");
+            assert_eq!(Cause::of(&layer, 100.0, false), None);
         }
     }
 

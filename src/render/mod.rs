@@ -313,7 +313,7 @@ impl<'a> Job<'a> {
                 let (mut camera, offset) = CameraSample::new(self.scene, pixel, sampler);
                 camera.layers = layers;
                 let sample = self.integrator.sample(self.scene, &camera, &mut record);
-                match Cause::of(&sample, self.largest) {
+                match Cause::of(&sample, self.largest, layers) {
                     None => {
                         tile.add(pixel, offset, index, &sample);
                     }

@@ -33,6 +33,6 @@ pub fn replay(scene: &Scene, integrator: &Integrator, pixel: (i32, i32), sampler
     let mut record = (Counters::default(), Vec::new());
     let sample = integrator.sample(scene, &camera, &mut record);
     let largest = Film::largest_radiance(integrator.radiance_scale(scene));
-    let bad = Cause::of(&sample, largest);
+    let bad = Cause::of(&sample, largest, true);
     Replay { ray: camera.ray, offset, events: record.1, sample, bad, largest }
 }
