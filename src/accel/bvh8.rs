@@ -194,7 +194,7 @@ impl WideTask for Closest<'_> {
                 }
             } else {
                 let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, block, current.triangle_mask());
+                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
                 if mask != 0 {
                     let met = test.triangles(&ray, self.probe, block, mask, nearest.limit);
                     take_all(&mut nearest, block, &met);
@@ -276,7 +276,7 @@ impl WideTask for Occluded<'_> {
                 }
             } else {
                 let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, block, current.triangle_mask());
+                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
                 if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
                     return true;
                 }

@@ -115,7 +115,7 @@ impl<T: WideTest> WideTest for Plain<T> {
     }
 
     #[inline(always)]
-    fn candidates(self, _: &T::Ray, _: &Block, mask: u32) -> u32 {
+    fn candidates(self, _: &T::Ray, _: &RayProbe, _: &Block, mask: u32) -> u32 {
         mask
     }
 

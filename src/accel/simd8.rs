@@ -41,10 +41,11 @@ pub trait WideTest: Copy {
     fn fetch(self, mask: u32, node: &Node8, arena: &Arena);
 
     /// Those of the lanes in `mask` whose triangles may be hit: all that are,
-    /// and few others.
-    fn candidates(self, ray: &Self::Ray, block: &Block, mask: u32) -> u32;
+    /// few others, and none that the ray leaves out.
+    fn candidates(self, ray: &Self::Ray, probe: &RayProbe, block: &Block, mask: u32) -> u32;
 
-    /// Which triangles of the lanes in `mask` are hit with 0 < t < `limit`.
+    /// Which triangles of the lanes in `mask`, all of them candidates, are hit
+    /// with 0 < t < `limit`.
     fn triangles(self, ray: &Self::Ray, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met;
 
     /// The same by a test that is not robust, on a block of edges
@@ -247,8 +248,9 @@ impl WideTest for Portable {
     fn fetch(self, _: u32, _: &Node8, _: &Arena) {}
 
     #[inline(always)]
-    fn candidates(self, _: &PortableRay, _: &Block, mask: u32) -> u32 {
-        mask
+    fn candidates(self, _: &PortableRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
+        let skipped = |lane: &usize| probe.skips(block.prims[*lane]);
+        (0..LANES).filter(skipped).fold(mask, |mask, lane| mask & !(1 << lane))
     }
 
     #[inline(always)]
@@ -414,11 +416,16 @@ mod tests {
             let Some(probe) = RayProbe::new(&ray) else { continue };
             let all = (1 << count) - 1;
             let wide = avx2.prepare(&probe);
-            let expected = Portable.triangles(&Portable.prepare(&probe), &probe, &block, all, 2.0);
-            let met = avx2.triangles(&wide, &probe, &block, all, 2.0);
-            assert_eq!(expected.mask, met.mask, "{case} {probe:?} {block:?}");
-            let candidates = avx2.candidates(&wide, &block, all);
-            assert_eq!(candidates & met.mask, met.mask, "{case} {probe:?} {block:?}");
+            let plain = Portable.prepare(&probe);
+            let tried = Portable.candidates(&plain, &probe, &block, all);
+            let expected = Portable.triangles(&plain, &probe, &block, tried, 2.0);
+            let candidates = avx2.candidates(&wide, &probe, &block, all);
+            assert_eq!(candidates & tried, candidates, "{case} {probe:?} {block:?}");
+            for mask in [tried, candidates] {
+                let met = avx2.triangles(&wide, &probe, &block, mask, 2.0);
+                assert_eq!(expected.mask, met.mask, "{case} {probe:?} {block:?}");
+            }
+            let met = avx2.triangles(&wide, &probe, &block, candidates, 2.0);
             for lane in (0..LANES).filter(|lane| met.mask >> lane & 1 != 0) {
                 let bits = |m: &Met| [m.t[lane], m.u[lane], m.v[lane]].map(f32::to_bits);
                 assert_eq!(bits(&expected), bits(&met), "{case} {probe:?} {block:?}");

@@ -117,15 +117,15 @@ impl WideTest for Avx2 {
     }
 
     #[inline(always)]
-    fn candidates(self, ray: &WideRay, block: &Block, mask: u32) -> u32 {
+    fn candidates(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
         // SAFETY: as above.
-        unsafe { candidates(ray, block, mask) }
+        unsafe { candidates(ray, probe, block, mask) }
     }
 
     #[inline(always)]
-    fn triangles(self, _: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    fn triangles(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
         // SAFETY: as above.
-        unsafe { exact(probe, block, mask, limit) }
+        unsafe { exact(ray, probe, block, mask, limit) }
     }
 
     #[inline(always)]
@@ -297,10 +297,12 @@ fn sheared(ray: &WideRay, block: &Block) -> [[__m128; 3]; 3] {
 }
 
 /// Rejects by the signs of the edge functions in f32, as `shape::triangle`
-/// does before it goes on in f64; what NaN hides goes on too.
+/// does before it goes on in f64; what NaN hides goes on too. Then leaves out
+/// the primitives that the ray does: nearly every ray meets the block of the
+/// one that it starts on.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn candidates(ray: &WideRay, block: &Block, mask: u32) -> u32 {
+fn candidates(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
     let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared(ray, block);
     let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
     let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
@@ -309,14 +311,26 @@ fn candidates(ray: &WideRay, block: &Block, mask: u32) -> u32 {
     let high = _mm_max_ps(_mm_max_ps(u, v), w);
     let zero = _mm_setzero_ps();
     let kept = _mm_or_ps(_mm_cmpnlt_ps(low, zero), _mm_cmpngt_ps(high, zero));
-    mask & _mm_movemask_ps(kept) as u32
+    let mask = mask & _mm_movemask_ps(kept) as u32;
+    if mask == 0 { 0 } else { mask & !skipped(probe, block) }
 }
 
-/// The exact test of `shape::triangle` on all lanes.
+/// One bit for each lane that the ray leaves out.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn skipped(probe: &RayProbe, block: &Block) -> u32 {
+    // SAFETY: four numbers in a row.
+    let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
+    let first = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip as i32));
+    let second = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip_end as i32));
+    _mm_movemask_ps(_mm_castsi128_ps(_mm_or_si128(first, second))) as u32
+}
+
+/// The exact test of `shape::triangle` on lanes that the ray does not leave
+/// out.
 #[inline(never)]
 #[target_feature(enable = "avx2")]
-fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
-    let ray = &prepare(probe);
+fn exact(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     let [a, b, c] = sheared(ray, block);
     let wide = |x: __m128| _mm256_cvtps_pd(x);
     let (ax, ay, az) = (wide(a[0]), wide(a[1]), wide(a[2]));
@@ -341,11 +355,6 @@ fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     let t =
         _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(sum, inv), _mm256_set1_pd(f64::from(probe.shear[2]))));
     let (t, accepted) = confine(ray, block, t, limit);
-    // SAFETY: four numbers in a row.
-    let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
-    let is = |prim: u32| _mm_cmpeq_epi32(prims, _mm_set1_epi32(prim as i32));
-    let skipped = _mm_or_si128(is(probe.skip), is(probe.skip_end));
-    let accepted = _mm_andnot_ps(_mm_castsi128_ps(skipped), accepted);
     Met {
         mask: mask & _mm_movemask_ps(accepted) as u32,
         t: store4(t),
