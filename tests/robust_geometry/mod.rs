@@ -141,7 +141,11 @@ fn leaks(what: &str, geometry: &Geometry, rays: u64, origin: impl Fn(&mut Random
                 let dir = match k {
                     0 => random.direction(),
                     1 => corners[i as usize % 3] - origin,
-                    _ => corners[i as usize % 3] * w + corners[(i as usize + 1) % 3] * (1.0 - w) - origin,
+                    // Relative to the origin first: far away the sum would round to it.
+                    _ => {
+                        let [a, b] = [i, i + 1].map(|k| corners[k as usize % 3] - origin);
+                        a * w + b * (1.0 - w)
+                    }
                 };
                 misses += u64::from(accel.closest(geometry, &Ray::new(origin, dir)).is_none());
             }
@@ -605,8 +609,10 @@ fn instance_case(what: &str, place: &Transform, rays: u64) -> Row {
             let (hit, expected) = (accel.closest(&instanced, &ray), truth.closest(&baked, &ray));
             let right = |hit: Hit, expected: Hit| {
                 let s = instanced.surface(&ray, &hit);
-                let outward = place.normal(place.inverse.transform_point3(s.p.as_dvec3())).normalize();
-                (hit.t - expected.t).abs() < 1e-4 && s.ng.as_dvec3().dot(outward) > 0.5
+                let Some(v) = instanced.triangle(hit.prim) else { return false };
+                let [a, b, c] = v.map(|v| v.as_dvec3());
+                let outward = place.normal((b - a).cross(c - a)).normalize();
+                (hit.t - expected.t).abs() < 1e-4 && s.ng.as_dvec3().dot(outward) > 0.999
             };
             wrong += u64::from(!hit.zip(expected).is_some_and(|(a, b)| right(a, b)));
         }
