@@ -54,10 +54,10 @@ fn a_race_on_a_scene_and_a_generated_surface() {
     let lines: Vec<&str> = csv.lines().collect();
     let columns = lines[0].split(',').count();
     assert!(lines.iter().all(|line| line.split(',').count() == columns), "{csv}");
-    // Two cases, two kinds; two build times, memory and six ray sets.
-    assert_eq!(lines.len(), 1 + 2 * 2 * 9, "{csv}");
+    // Two cases, two kinds; two build times, memory and seven ray sets.
+    assert_eq!(lines.len(), 1 + 2 * 2 * 10, "{csv}");
     let rays: Vec<&&str> = lines.iter().filter(|line| line.contains(",Mray/s,")).collect();
-    assert_eq!(rays.len(), 2 * 2 * 6);
+    assert_eq!(rays.len(), 2 * 2 * 7);
     assert!(rays.iter().all(|line| line.ends_with(",0,0,0,0,0")), "differences: {csv}");
 
     let json: serde_json::Value =

@@ -145,8 +145,17 @@ impl Bvh8 {
         return self;
     }
 
+    /// What it holds, to be changed.
+    pub(super) fn wide_mut(&mut self) -> &mut Wide {
+        &mut self.wide
+    }
+
+    pub(super) fn wide(&self) -> &Wide {
+        &self.wide
+    }
+
     #[inline(always)]
-    fn run<T: WideTask>(&self, task: T) -> T::Output {
+    pub(super) fn run<T: WideTask>(&self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
         if let Some(avx2) = self.avx2 {
             return avx2.run_wide(task);
@@ -155,10 +164,10 @@ impl Bvh8 {
     }
 }
 
-struct Closest<'a> {
-    wide: &'a Wide,
-    ground: &'a Ground<'a>,
-    probe: &'a RayProbe,
+pub(super) struct Closest<'a> {
+    pub wide: &'a Wide,
+    pub ground: &'a Ground<'a>,
+    pub probe: &'a RayProbe,
 }
 
 impl WideTask for Closest<'_> {
@@ -185,7 +194,7 @@ impl WideTask for Closest<'_> {
                 }
             } else {
                 let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, block, current.triangle_mask());
+                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
                 if mask != 0 {
                     let met = test.triangles(&ray, self.probe, block, mask, nearest.limit);
                     take_all(&mut nearest, block, &met);
@@ -237,10 +246,10 @@ fn others<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32
     block.prims.iter().copied().filter(move |prim| *prim >= first && *prim != Block::NONE)
 }
 
-struct Occluded<'a> {
-    wide: &'a Wide,
-    ground: &'a Ground<'a>,
-    probe: &'a RayProbe,
+pub(super) struct Occluded<'a> {
+    pub wide: &'a Wide,
+    pub ground: &'a Ground<'a>,
+    pub probe: &'a RayProbe,
 }
 
 impl WideTask for Occluded<'_> {
@@ -267,7 +276,7 @@ impl WideTask for Occluded<'_> {
                 }
             } else {
                 let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, block, current.triangle_mask());
+                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
                 if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
                     return true;
                 }

@@ -23,6 +23,7 @@ mod brute;
 mod build;
 mod bvh2;
 mod bvh8;
+mod bvh8_plain;
 mod collapse;
 #[cfg(feature = "embree")]
 mod embree;
@@ -39,6 +40,7 @@ mod wide;
 pub use brute::Brute;
 pub use bvh2::Bvh2;
 pub use bvh8::{Bvh8, Quality};
+pub use bvh8_plain::Bvh8Plain;
 #[cfg(feature = "embree")]
 pub use embree::{Embree, EmbreeMode, EmbreeNative};
 pub use stats::Stats;

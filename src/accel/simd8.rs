@@ -13,6 +13,7 @@ use std::mem::MaybeUninit;
 use super::build::MAX_DEPTH;
 use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
+use crate::math::Vec3;
 use crate::shape::{Geometry, RayProbe};
 
 /// A way to test nodes and blocks.
@@ -40,11 +41,16 @@ pub trait WideTest: Copy {
     fn fetch(self, mask: u32, node: &Node8, arena: &Arena);
 
     /// Those of the lanes in `mask` whose triangles may be hit: all that are,
-    /// and few others.
-    fn candidates(self, ray: &Self::Ray, block: &Block, mask: u32) -> u32;
+    /// few others, and none that the ray leaves out.
+    fn candidates(self, ray: &Self::Ray, probe: &RayProbe, block: &Block, mask: u32) -> u32;
 
-    /// Which triangles of the lanes in `mask` are hit with 0 < t < `limit`.
+    /// Which triangles of the lanes in `mask`, all of them candidates, are hit
+    /// with 0 < t < `limit`.
     fn triangles(self, ray: &Self::Ray, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met;
+
+    /// The same by a test that is not robust, on a block of edges
+    /// ([`Block::into_edges`]): see `bvh8_plain`.
+    fn loose(self, ray: &Self::Ray, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met;
 }
 
 /// Work that is compiled once for each way to test. `run` should be
@@ -242,8 +248,9 @@ impl WideTest for Portable {
     fn fetch(self, _: u32, _: &Node8, _: &Arena) {}
 
     #[inline(always)]
-    fn candidates(self, _: &PortableRay, _: &Block, mask: u32) -> u32 {
-        mask
+    fn candidates(self, _: &PortableRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
+        let skipped = |lane: &usize| probe.skips(block.prims[*lane]);
+        (0..LANES).filter(skipped).fold(mask, |mask, lane| mask & !(1 << lane))
     }
 
     #[inline(always)]
@@ -260,6 +267,40 @@ impl WideTest for Portable {
         }
         met
     }
+
+    #[inline(always)]
+    fn loose(self, _: &PortableRay, probe: &RayProbe, block: &Block, mut mask: u32, limit: f32) -> Met {
+        let mut met = Met::NOTHING;
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize;
+            mask &= mask - 1;
+            let [a, e1, e2] = block.triangle(lane);
+            let p = cross(probe.dir, e2);
+            let inv = 1.0 / dot(e1, p);
+            let s = probe.origin - a;
+            let u = dot(s, p) * inv;
+            let q = cross(s, e1);
+            let v = dot(probe.dir, q) * inv;
+            let t = dot(e2, q) * inv;
+            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < limit {
+                met.mask |= 1 << lane;
+                (met.t[lane], met.u[lane], met.v[lane]) = (t, u, v);
+            }
+        }
+        met
+    }
+}
+
+/// Products in the order of the vector kernel.
+#[inline(always)]
+fn cross(a: Vec3, b: Vec3) -> Vec3 {
+    Vec3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+}
+
+/// Sums in the order of the vector kernel.
+#[inline(always)]
+fn dot(a: Vec3, b: Vec3) -> f32 {
+    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 #[cfg(all(test, target_arch = "x86_64"))]
@@ -267,7 +308,7 @@ mod tests {
     use super::super::simd::Avx2;
     use super::*;
     use crate::desc::Mesh;
-    use crate::math::{Bounds, Ray, Transform, Vec3};
+    use crate::math::{Bounds, Ray, Transform};
     use crate::shape::{GeometryBuilder, MeshOptions};
 
     struct Random(u64);
@@ -348,7 +389,7 @@ mod tests {
     fn blocks_agree_with_plain_rust() {
         let Some(avx2) = Avx2::detect() else { return };
         let mut random = Random(2);
-        let mut hits = 0;
+        let (mut hits, mut loose_hits) = (0, 0);
         for case in 0..100_000u32 {
             let scale = 2f32.powi((case % 120) as i32 - 60);
             let mut mesh = Mesh::default();
@@ -375,17 +416,31 @@ mod tests {
             let Some(probe) = RayProbe::new(&ray) else { continue };
             let all = (1 << count) - 1;
             let wide = avx2.prepare(&probe);
-            let expected = Portable.triangles(&Portable.prepare(&probe), &probe, &block, all, 2.0);
-            let met = avx2.triangles(&wide, &probe, &block, all, 2.0);
-            assert_eq!(expected.mask, met.mask, "{case} {probe:?} {block:?}");
-            let candidates = avx2.candidates(&wide, &block, all);
-            assert_eq!(candidates & met.mask, met.mask, "{case} {probe:?} {block:?}");
+            let plain = Portable.prepare(&probe);
+            let tried = Portable.candidates(&plain, &probe, &block, all);
+            let expected = Portable.triangles(&plain, &probe, &block, tried, 2.0);
+            let candidates = avx2.candidates(&wide, &probe, &block, all);
+            assert_eq!(candidates & tried, candidates, "{case} {probe:?} {block:?}");
+            for mask in [tried, candidates] {
+                let met = avx2.triangles(&wide, &probe, &block, mask, 2.0);
+                assert_eq!(expected.mask, met.mask, "{case} {probe:?} {block:?}");
+            }
+            let met = avx2.triangles(&wide, &probe, &block, candidates, 2.0);
             for lane in (0..LANES).filter(|lane| met.mask >> lane & 1 != 0) {
                 let bits = |m: &Met| [m.t[lane], m.u[lane], m.v[lane]].map(f32::to_bits);
                 assert_eq!(bits(&expected), bits(&met), "{case} {probe:?} {block:?}");
                 hits += 1;
             }
+            let edges = block.into_edges();
+            let expected = Portable.loose(&Portable.prepare(&probe), &probe, &edges, all, 2.0);
+            let met = avx2.loose(&wide, &probe, &edges, all, 2.0);
+            assert_eq!(expected.mask, met.mask, "{case} {probe:?} {edges:?}");
+            for lane in (0..LANES).filter(|lane| met.mask >> lane & 1 != 0) {
+                let bits = |m: &Met| [m.t[lane], m.u[lane], m.v[lane]].map(f32::to_bits);
+                assert_eq!(bits(&expected), bits(&met), "{case} {probe:?} {edges:?}");
+                loose_hits += 1;
+            }
         }
-        assert!(hits > 20_000, "{hits} hits");
+        assert!(hits > 20_000 && loose_hits > 10_000, "{hits} and {loose_hits} hits");
     }
 }

@@ -73,6 +73,14 @@ impl Arena {
         unsafe { &*units.as_ptr().cast::<Block>() }
     }
 
+    /// Changes the block of a link.
+    pub fn change_block(&mut self, link: Link, change: impl FnOnce(Block) -> Block) {
+        let block = change(*self.block(link));
+        // SAFETY: as in `add_block`.
+        let units = unsafe { &*(&raw const block).cast::<[Unit; BLOCK]>() };
+        self.units[link.index()..][..BLOCK].copy_from_slice(units);
+    }
+
     /// Where a link leads, as an address to be fetched ahead.
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]

@@ -47,6 +47,27 @@ impl Avx2 {
     }
 }
 
+/// `[f(0), f(1), f(2)]` written out: what takes a closure is not compiled for
+/// AVX2, may not be inlined, and then passes every vector through memory.
+macro_rules! three {
+    ($i:ident => $value:expr) => {
+        [
+            {
+                let $i: usize = 0;
+                $value
+            },
+            {
+                let $i: usize = 1;
+                $value
+            },
+            {
+                let $i: usize = 2;
+                $value
+            },
+        ]
+    };
+}
+
 #[target_feature(enable = "avx2,bmi1,lzcnt,popcnt")]
 fn run_avx2<T: WideTask>(token: Avx2, task: T) -> T::Output {
     task.run(token)
@@ -96,15 +117,21 @@ impl WideTest for Avx2 {
     }
 
     #[inline(always)]
-    fn candidates(self, ray: &WideRay, block: &Block, mask: u32) -> u32 {
+    fn candidates(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
         // SAFETY: as above.
-        unsafe { candidates(ray, block, mask) }
+        unsafe { candidates(ray, probe, block, mask) }
     }
 
     #[inline(always)]
-    fn triangles(self, _: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    fn triangles(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
         // SAFETY: as above.
-        unsafe { exact(probe, block, mask, limit) }
+        unsafe { exact(ray, probe, block, mask, limit) }
+    }
+
+    #[inline(always)]
+    fn loose(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+        // SAFETY: as above.
+        unsafe { loose(ray, probe, block, mask, limit) }
     }
 }
 
@@ -120,9 +147,9 @@ fn store4(v: __m128) -> [f32; LANES] {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn prepare(probe: &RayProbe) -> WideRay {
-    let axes = probe.axes.map(|axis| usize::from(axis.min(2)));
-    let behind = probe.turned_inv_dir.map(|inv| (inv.to_bits() >> 31) as usize);
-    let near = [0, 1, 2].map(|i| 64 * axes[i] + 32 * behind[i]);
+    let axes = three!(i => usize::from(probe.axes[i].min(2)));
+    let behind = three!(i => (probe.turned_inv_dir[i].to_bits() >> 31) as usize);
+    let near = three!(i => 64 * axes[i] + 32 * behind[i]);
     let (o, i, s) = (&probe.turned_origin, &probe.turned_inv_dir, &probe.shear);
     let f = &probe.turned_inv_far;
     WideRay {
@@ -130,9 +157,9 @@ fn prepare(probe: &RayProbe) -> WideRay {
         inv_dir: [_mm256_set1_ps(i[0]), _mm256_set1_ps(i[1]), _mm256_set1_ps(i[2])],
         inv_far: [_mm256_set1_ps(f[0]), _mm256_set1_ps(f[1]), _mm256_set1_ps(f[2])],
         near,
-        far: near.map(|n| n ^ 32),
+        far: three!(i => near[i] ^ 32),
         shear: [_mm_set1_ps(s[0]), _mm_set1_ps(s[1])],
-        rows: axes.map(|axis| 16 * axis),
+        rows: three!(i => 16 * axes[i]),
     }
 }
 
@@ -270,10 +297,12 @@ fn sheared(ray: &WideRay, block: &Block) -> [[__m128; 3]; 3] {
 }
 
 /// Rejects by the signs of the edge functions in f32, as `shape::triangle`
-/// does before it goes on in f64; what NaN hides goes on too.
+/// does before it goes on in f64; what NaN hides goes on too. Then leaves out
+/// the primitives that the ray does: nearly every ray meets the block of the
+/// one that it starts on.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn candidates(ray: &WideRay, block: &Block, mask: u32) -> u32 {
+fn candidates(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
     let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared(ray, block);
     let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
     let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
@@ -282,14 +311,26 @@ fn candidates(ray: &WideRay, block: &Block, mask: u32) -> u32 {
     let high = _mm_max_ps(_mm_max_ps(u, v), w);
     let zero = _mm_setzero_ps();
     let kept = _mm_or_ps(_mm_cmpnlt_ps(low, zero), _mm_cmpngt_ps(high, zero));
-    mask & _mm_movemask_ps(kept) as u32
+    let mask = mask & _mm_movemask_ps(kept) as u32;
+    if mask == 0 { 0 } else { mask & !skipped(probe, block) }
 }
 
-/// The exact test of `shape::triangle` on all lanes.
+/// One bit for each lane that the ray leaves out.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn skipped(probe: &RayProbe, block: &Block) -> u32 {
+    // SAFETY: four numbers in a row.
+    let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
+    let first = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip as i32));
+    let second = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip_end as i32));
+    _mm_movemask_ps(_mm_castsi128_ps(_mm_or_si128(first, second))) as u32
+}
+
+/// The exact test of `shape::triangle` on lanes that the ray does not leave
+/// out.
 #[inline(never)]
 #[target_feature(enable = "avx2")]
-fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
-    let ray = &prepare(probe);
+fn exact(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     let [a, b, c] = sheared(ray, block);
     let wide = |x: __m128| _mm256_cvtps_pd(x);
     let (ax, ay, az) = (wide(a[0]), wide(a[1]), wide(a[2]));
@@ -314,11 +355,6 @@ fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     let t =
         _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(sum, inv), _mm256_set1_pd(f64::from(probe.shear[2]))));
     let (t, accepted) = confine(ray, block, t, limit);
-    // SAFETY: four numbers in a row.
-    let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
-    let is = |prim: u32| _mm_cmpeq_epi32(prims, _mm_set1_epi32(prim as i32));
-    let skipped = _mm_or_si128(is(probe.skip), is(probe.skip_end));
-    let accepted = _mm_andnot_ps(_mm_castsi128_ps(skipped), accepted);
     Met {
         mask: mask & _mm_movemask_ps(accepted) as u32,
         t: store4(t),
@@ -334,18 +370,23 @@ fn exact(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
 fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m128) {
     let sign = _mm_set1_ps(-0.0);
     let base: *const u8 = block.vertices.as_ptr().cast();
-    let corners = ray.rows.map(|at| {
+    let corners = three!(axis => {
+        let at = ray.rows[axis];
         // SAFETY: four f32 of one row: `prepare` makes the offsets.
-        let [a, b, c] = [0, 1, 2].map(|corner| unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) });
+        let [a, b, c] = three!(corner => unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) });
         (_mm_min_ps(_mm_min_ps(a, b), c), _mm_max_ps(_mm_max_ps(a, b), c))
     });
-    let size = corners.map(|(low, high)| _mm_max_ps(_mm_andnot_ps(sign, low), _mm_andnot_ps(sign, high)));
+    let size = three!(axis => {
+        let (low, high) = corners[axis];
+        _mm_max_ps(_mm_andnot_ps(sign, low), _mm_andnot_ps(sign, high))
+    });
     let size = _mm_max_ps(_mm_max_ps(size[0], size[1]), size[2]);
     let error = _mm_mul_ps(size, _mm_set1_ps(gamma(4)));
 
     let zero = _mm_setzero_ps();
     let (mut near, mut far) = (zero, _mm_set1_ps(f32::INFINITY));
-    for (axis, (low, high)) in corners.into_iter().enumerate() {
+    for axis in 0..3 {
+        let (low, high) = corners[axis];
         let origin = _mm256_castps256_ps128(ray.origin[axis]);
         let inv_dir = _mm256_castps256_ps128(ray.inv_dir[axis]);
         let inv_far = _mm256_castps256_ps128(ray.inv_far[axis]);
@@ -360,4 +401,41 @@ fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m1
     let t = _mm_min_ps(far, _mm_max_ps(near, t));
     let within = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(limit)));
     (t, _mm_and_ps(_mm_and_ps(finite, crossed), within))
+}
+
+/// Möller and Trumbore 1997, in f32, on a block of edges.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn loose(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    type Lanes = [__m128; 3];
+    let cross = |a: &Lanes, b: &Lanes| -> Lanes {
+        three!(k => {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            _mm_sub_ps(_mm_mul_ps(a[i], b[j]), _mm_mul_ps(a[j], b[i]))
+        })
+    };
+    let dot = |a: &Lanes, b: &Lanes| {
+        let xy = _mm_add_ps(_mm_mul_ps(a[0], b[0]), _mm_mul_ps(a[1], b[1]));
+        _mm_add_ps(xy, _mm_mul_ps(a[2], b[2]))
+    };
+    // SAFETY: four f32 in a row.
+    let [a, e1, e2] = three!(corner =>
+        three!(axis => unsafe { _mm_load_ps(block.vertices[corner][axis].as_ptr()) }));
+    let dir = [_mm_set1_ps(probe.dir.x), _mm_set1_ps(probe.dir.y), _mm_set1_ps(probe.dir.z)];
+    let s = three!(axis => _mm_sub_ps(_mm256_castps256_ps128(ray.origin[axis]), a[axis]));
+    let p = cross(&dir, &e2);
+    let inv = _mm_div_ps(_mm_set1_ps(1.0), dot(&e1, &p));
+    let u = _mm_mul_ps(dot(&s, &p), inv);
+    let q = cross(&s, &e1);
+    let v = _mm_mul_ps(dot(&dir, &q), inv);
+    let t = _mm_mul_ps(dot(&e2, &q), inv);
+    let zero = _mm_setzero_ps();
+    let inside = _mm_and_ps(_mm_cmpge_ps(u, zero), _mm_cmpge_ps(v, zero));
+    let inside = _mm_and_ps(inside, _mm_cmple_ps(_mm_add_ps(u, v), _mm_set1_ps(1.0)));
+    let within = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(limit)));
+    let mask = mask & _mm_movemask_ps(_mm_and_ps(inside, within)) as u32;
+    if mask == 0 {
+        return Met::NOTHING;
+    }
+    Met { mask, t: store4(t), u: store4(u), v: store4(v) }
 }

@@ -134,4 +134,15 @@ impl Block {
     pub fn triangle(&self, lane: usize) -> [Vec3; 3] {
         self.vertices.map(|v| Vec3::new(v[0][lane], v[1][lane], v[2][lane]))
     }
+    /// The same with the edges from the first vertex in place of the other two:
+    /// what `bvh8_plain` tests.
+    pub fn into_edges(mut self) -> Block {
+        let [first, rest @ ..] = &mut self.vertices;
+        for corner in rest {
+            for (row, from) in corner.iter_mut().zip(&*first) {
+                row.iter_mut().zip(from).for_each(|(to, from)| *to -= from);
+            }
+        }
+        self
+    }
 }

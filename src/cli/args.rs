@@ -425,8 +425,9 @@ pub struct AccelArgs {
     /// Trace rays too: Mray/s, ratios to a baseline with intervals, and whether all find the same hits.
     #[arg(long)]
     pub bench: bool,
-    /// Accelerators to measure instead of all but brute. A program built with Embree has its own triangle
-    /// test too: embree-native (robust) and embree-loose (faster, rays pass between triangles).
+    /// Accelerators to measure instead of all but brute. To be measured and not rendered with are bvh8-plain
+    /// (bvh8 without robust tests, from an epsilon off the surface) and, in a program built with Embree, its
+    /// own triangle test: embree-native (robust) and embree-loose (faster, rays pass between triangles).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub accel: Option<Vec<String>>,
     /// The one that ratios are to, instead of the first.
@@ -440,7 +441,7 @@ pub struct AccelArgs {
     #[arg(long, value_name = "A..B", value_parser = parse_growth)]
     pub growth: Option<(u32, u32)>,
     /// Ray sets instead of all: camera; b1, b3 (first, third diffuse bounce); s1, s3 (shadow rays from
-    /// the first, third hit); vertex (aimed exactly at vertices).
+    /// the first, third hit); vertex (aimed exactly at vertices); spawn (b1, made and not traced).
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub sets: Option<Vec<String>>,
     /// Rays of each set.

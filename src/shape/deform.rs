@@ -80,7 +80,7 @@ impl Geometry {
     pub(crate) fn moving_surface(&self, index: usize, hit: &Hit, time: f32) -> SurfacePoint {
         let vertices = self.moving_triangle(index, time);
         let shape = self.moving_shapes[index];
-        self.face_surface(shape, hit, (vertices, self.moving[index]), time, self.between(shape, time))
+        self.face_surface::<true>(shape, hit, (vertices, self.moving[index]), time, self.between(shape, time))
     }
 
     /// The box of a deforming triangle between two times of the shutter: its

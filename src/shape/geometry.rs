@@ -6,7 +6,7 @@ use super::attributes::Stored;
 use super::deform::{Between, Deformation};
 use super::triangle;
 use super::{Analytic, Hit, Instance, PrimId, RayProbe, ShapeId, SurfacePoint};
-use crate::math::{Bounds, DVec3, Frame, Ray, Vec2, Vec3, Vec4, gamma};
+use crate::math::{Bounds, DVec3, Frame, Ray, Vec2, Vec3, Vec4};
 
 /// One shape of the scene file.
 #[derive(Clone, Debug)]
@@ -385,12 +385,13 @@ impl Geometry {
     pub(crate) fn triangle_surface(&self, shape: ShapeId, hit: &Hit, time: f32) -> SurfacePoint {
         let indices = self.triangles[hit.prim as usize];
         let vertices = indices.map(|i| self.positions[i as usize]);
-        self.face_surface(shape, hit, (vertices, indices), time, None)
+        self.face_surface::<true>(shape, hit, (vertices, indices), time, None)
     }
 
-    /// The same for given vertices, at a time that `between` says.
+    /// The same for given vertices, at a time that `between` says. Only when
+    /// `BOUNDED` is the error known.
     #[inline(always)]
-    pub(crate) fn face_surface(
+    pub(crate) fn face_surface<const BOUNDED: bool>(
         &self,
         shape: ShapeId,
         hit: &Hit,
@@ -405,13 +406,14 @@ impl Geometry {
         let (e1, e2) = (b - a, c - a);
         let winding = e1.cross(e2).normalize().as_vec3();
 
-        // Position and its error, pbrt-v4 equation 6.21.
-        let terms = [a * b0, b * b1, c * b2];
-        let p = terms[0] + terms[1] + terms[2];
-        let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
+        let weights = [b0 as f32, hit.u, hit.v];
+        let (p, p_error) = if BOUNDED {
+            triangle::point(&[a, b, c], [b0, b1, b2])
+        } else {
+            (triangle::loose_point(&vertices, weights), Vec3::ZERO)
+        };
 
         // Texture coordinates, and tangents that follow them.
-        let weights = [b0 as f32, hit.u, hit.v];
         let mut uv = Vec2::new(hit.u, hit.v);
         let corners = info.uvs.map(|base| indices.map(|i| self.uvs[(i64::from(i) + base) as usize]));
         if let Some([u0, u1, u2]) = corners {
@@ -426,8 +428,8 @@ impl Geometry {
         }
         let sign = if info.flip { -1.0 } else { 1.0 };
         SurfacePoint {
-            p: p.as_vec3(),
-            p_error: size.as_vec3() * gamma(7),
+            p,
+            p_error,
             ng: winding * sign,
             ns: ns * sign,
             uv,

@@ -37,6 +37,7 @@ mod disk;
 mod geometry;
 mod instance;
 mod linear;
+mod loose;
 mod mesh;
 mod probe;
 mod quad;

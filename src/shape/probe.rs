@@ -89,6 +89,30 @@ impl RayProbe {
         })
     }
 
+    /// A ray that is known to be finite, for `accel::Bvh8Plain`: without slack,
+    /// shear and primitives to leave out.
+    #[inline(always)]
+    pub(crate) fn plain(ray: &Ray) -> RayProbe {
+        let inv_dir = ray.dir.recip();
+        let inverse = inv_dir.to_array();
+        RayProbe {
+            origin: ray.origin,
+            dir: ray.dir,
+            inv_dir,
+            inv_far: inv_dir,
+            t_max: ray.t_max,
+            skip: Ray::NO_SKIP,
+            skip_end: Ray::NO_SKIP,
+            time: ray.time,
+            skip_inside: [Ray::NO_SKIP; 2],
+            axes: AXES[0],
+            turned_origin: ray.origin.to_array(),
+            turned_inv_dir: inverse,
+            turned_inv_far: inverse,
+            shear: [0.0; 3],
+        }
+    }
+
     /// True when the ray leaves this primitive out.
     #[must_use]
     #[inline(always)]

@@ -72,3 +72,19 @@ pub fn cross(vertices: &[Vec3; 3]) -> DVec3 {
     let [a, b, c] = vertices.map(|v| v.as_dvec3());
     (b - a).cross(c - a)
 }
+
+/// The point at barycentrics and the bound of its error (pbrt-v4 equation
+/// 6.21).
+#[inline(always)]
+pub fn point([a, b, c]: &[DVec3; 3], [b0, b1, b2]: [f64; 3]) -> (Vec3, Vec3) {
+    let terms = [*a * b0, *b * b1, *c * b2];
+    let p = terms[0] + terms[1] + terms[2];
+    let size = terms[0].abs() + terms[1].abs() + terms[2].abs();
+    (p.as_vec3(), size.as_vec3() * gamma(7))
+}
+
+/// The same in f32 without a bound: for [`super::Geometry::loose_surface`].
+#[inline(always)]
+pub fn loose_point([a, b, c]: &[Vec3; 3], [b0, b1, b2]: [f32; 3]) -> Vec3 {
+    *a * b0 + *b * b1 + *c * b2
+}

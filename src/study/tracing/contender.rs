@@ -1,6 +1,7 @@
 //! What takes part in a measurement.
 
-use crate::accel::{Accel, Quality, Stats};
+use super::Spawn;
+use crate::accel::{Accel, Bvh8Plain, Quality, Stats};
 #[cfg(feature = "embree")]
 use crate::accel::{EmbreeMode, EmbreeNative};
 use crate::desc::{Error, Result};
@@ -15,6 +16,17 @@ pub trait Tracer: Send + Sync {
 
     /// Appends for every ray whether it hits anything.
     fn occluded(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<bool>);
+
+    /// Appends the rays that leave hits: the points of the surface, and what
+    /// keeps the rays from meeting it again.
+    fn spawn(&self, geometry: &Geometry, spawns: &[Spawn], rays: &mut Vec<Ray>) {
+        rays.extend(spawns.iter().map(|s| geometry.surface(&s.ray, &s.hit).spawn(s.dir)));
+    }
+
+    /// Its rays have to start a fixed distance off the surface they leave.
+    fn needs_epsilon(&self) -> bool {
+        false
+    }
 
     /// Memory beyond that of the geometry, in bytes.
     fn memory_bytes(&self) -> usize;
@@ -43,6 +55,44 @@ impl Tracer for Accel {
 
     fn stats(&self) -> Stats {
         Accel::stats(self)
+    }
+}
+
+/// The 8-wide tree without robust tests, and the distance off a surface at
+/// which rays start.
+struct Plain {
+    bvh: Bvh8Plain,
+    epsilon: f32,
+}
+
+impl Tracer for Plain {
+    fn closest(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
+        hits.extend(rays.iter().map(|ray| self.bvh.closest(geometry, ray)));
+    }
+
+    fn occluded(&self, geometry: &Geometry, rays: &[Ray], hits: &mut Vec<bool>) {
+        hits.extend(rays.iter().map(|ray| self.bvh.occluded(geometry, ray)));
+    }
+
+    fn spawn(&self, geometry: &Geometry, spawns: &[Spawn], rays: &mut Vec<Ray>) {
+        let leave = |s: &Spawn| geometry.loose_surface(&s.ray, &s.hit).spawn_off(s.dir, self.epsilon);
+        rays.extend(spawns.iter().map(leave));
+    }
+
+    fn needs_epsilon(&self) -> bool {
+        true
+    }
+
+    fn memory_bytes(&self) -> usize {
+        self.bvh.memory_bytes()
+    }
+
+    fn stats(&self) -> Stats {
+        self.bvh.stats()
+    }
+
+    fn is_exact(&self) -> bool {
+        false
     }
 }
 
@@ -80,11 +130,20 @@ impl Tracer for EmbreeNative {
 
 /// The 8-wide tree of `--bvh fast`.
 const FAST: &str = "bvh8-fast";
+/// The 8-wide tree without robust tests.
+const PLAIN: &str = "bvh8-plain";
+
+/// How far off a surface rays start that need it, as scenes are usually given
+/// it: a ten-thousandth of the radius of everything.
+pub(super) fn epsilon(geometry: &Geometry) -> f32 {
+    geometry.bounds().bounding_sphere().1 * 1e-4
+}
 
 impl Contender {
     /// The contender of a name: an accelerator, `bvh8-fast` for the tree of
-    /// `--bvh fast`, or with the feature `embree` Embree as it comes,
-    /// `embree-native` (robust) and `embree-loose`.
+    /// `--bvh fast`, `bvh8-plain` for the default without robust tests, or with
+    /// the feature `embree` Embree as it comes, `embree-native` (robust) and
+    /// `embree-loose`.
     pub fn named(name: &str) -> Result<Contender> {
         #[cfg(feature = "embree")]
         if let Some(contender) = Contender::embree(name) {
@@ -93,6 +152,13 @@ impl Contender {
         if name == FAST {
             let build = |geometry: &Geometry| -> Result<Box<dyn Tracer>> {
                 Ok(Box::new(Accel::build(Some("bvh8"), Quality::Fast, geometry)?))
+            };
+            return Ok(Contender { name: name.to_owned(), build: Box::new(build) });
+        }
+        if name == PLAIN {
+            let build = |geometry: &Geometry| -> Result<Box<dyn Tracer>> {
+                let bvh = Bvh8Plain::new(geometry, Quality::default())?;
+                Ok(Box::new(Plain { bvh, epsilon: epsilon(geometry) }))
             };
             return Ok(Contender { name: name.to_owned(), build: Box::new(build) });
         }
@@ -113,9 +179,9 @@ impl Contender {
     /// All names.
     #[must_use]
     pub fn names() -> Vec<String> {
-        let more: &[&str] =
-            if cfg!(feature = "embree") { &[FAST, "embree-native", "embree-loose"] } else { &[FAST] };
-        Accel::NAMES.iter().chain(more).map(|name| (*name).to_owned()).collect()
+        let own = [FAST, PLAIN];
+        let embree: &[&str] = if cfg!(feature = "embree") { &["embree-native", "embree-loose"] } else { &[] };
+        Accel::NAMES.iter().chain(&own).chain(embree).map(|name| (*name).to_owned()).collect()
     }
 
     #[cfg(feature = "embree")]

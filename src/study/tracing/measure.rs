@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::{Contender, RaySet, Rays, Subject, Tracer, ray_sets};
 use crate::accel::{Accel, Stats};
 use crate::desc::{Error, Result};
+use crate::math::Ray;
 use crate::shape::{Geometry, Hit};
 
 /// How to measure.
@@ -208,16 +209,27 @@ fn build(
 
 /// CPU seconds of tracing a set once.
 fn time(geometry: &Geometry, rays: &Rays, tracer: &dyn Tracer) -> f64 {
-    if rays.set.is_shadow() {
-        let mut hits = Vec::with_capacity(rays.rays.len());
-        let clock = ThreadTime::now();
-        tracer.occluded(geometry, &rays.rays, &mut hits);
-        clock.elapsed().as_secs_f64()
-    } else {
-        let mut hits = Vec::with_capacity(rays.rays.len());
-        let clock = ThreadTime::now();
-        tracer.closest(geometry, &rays.rays, &mut hits);
-        clock.elapsed().as_secs_f64()
+    let (mut nearest, mut occluded, mut spawned) = (Vec::new(), Vec::new(), Vec::new());
+    match rays.set {
+        RaySet::Spawn => spawned.reserve(rays.spawns.len()),
+        set if set.is_shadow() => occluded.reserve(rays.rays.len()),
+        _ => nearest.reserve(rays.rays.len()),
+    }
+    let clock = ThreadTime::now();
+    match rays.set {
+        RaySet::Spawn => tracer.spawn(geometry, &rays.spawns, &mut spawned),
+        set if set.is_shadow() => tracer.occluded(geometry, rays.of(tracer), &mut occluded),
+        _ => tracer.closest(geometry, rays.of(tracer), &mut nearest),
+    }
+    let seconds = clock.elapsed().as_secs_f64();
+    std::hint::black_box(&spawned);
+    seconds
+}
+
+impl Rays {
+    /// Those that a tracer is given.
+    fn of(&self, tracer: &dyn Tracer) -> &[Ray] {
+        if tracer.needs_epsilon() { &self.pushed } else { &self.rays }
     }
 }
 
@@ -227,12 +239,12 @@ fn answers(geometry: &Geometry, rays: &Rays, tracer: &dyn Tracer) -> Vec<Option<
     let mut hits = Vec::with_capacity(rays.rays.len());
     if rays.set.is_shadow() {
         let mut occluded = Vec::with_capacity(rays.rays.len());
-        tracer.occluded(geometry, &rays.rays, &mut occluded);
+        tracer.occluded(geometry, rays.of(tracer), &mut occluded);
         hits.extend(occluded.iter().map(|o| {
             o.then_some(Hit { t: 1.0, prim: u32::MAX, u: 0.0, v: 0.0, instance: Hit::NO_INSTANCE })
         }));
     } else {
-        tracer.closest(geometry, &rays.rays, &mut hits);
+        tracer.closest(geometry, rays.of(tracer), &mut hits);
     }
     hits
 }
@@ -250,7 +262,8 @@ fn compare(
     // Spread over the set, so that every part of the picture is tried.
     let step = (rays.rays.len() / options.verify.max(1)).max(1);
     let tried: Vec<usize> = (0..rays.rays.len()).step_by(step).take(options.verify).collect();
-    let some = Rays { set: rays.set, rays: tried.iter().map(|i| rays.rays[*i]).collect() };
+    let some = tried.iter().map(|i| rays.rays[*i]).collect();
+    let some = Rays { set: rays.set, rays: some, pushed: Vec::new(), spawns: Vec::new() };
     let truth = brute_force(geometry, &some);
     for (kind, tracer) in kinds.iter_mut().zip(tracers) {
         let found = answers(geometry, rays, &**tracer);
@@ -272,6 +285,9 @@ fn compare(
 /// The answers of brute force, on all cores.
 fn brute_force(geometry: &Geometry, rays: &Rays) -> Vec<Option<Hit>> {
     let Ok(brute) = Accel::build_named(Some("brute"), geometry) else { return Vec::new() };
-    let one = |ray| answers(geometry, &Rays { set: rays.set, rays: vec![ray] }, &brute);
-    rays.rays.par_iter().flat_map_iter(|ray| one(*ray)).collect()
+    let one = |ray: &Ray| {
+        let rays = Rays { set: rays.set, rays: vec![*ray], pushed: Vec::new(), spawns: Vec::new() };
+        answers(geometry, &rays, &brute)
+    };
+    rays.rays.par_iter().flat_map_iter(one).collect()
 }

@@ -17,6 +17,6 @@ mod subject;
 pub use contender::{Contender, Tracer};
 pub use generate::{displaced, stadium};
 pub use measure::{BuildTimes, CaseResult, Differences, KindResult, Options, SetResult, measure};
-pub use rays::{RaySet, Rays, ray_sets};
+pub use rays::{RaySet, Rays, Spawn, ray_sets};
 pub use report::{Estimate, Report};
 pub use subject::{Subject, View};

@@ -2,11 +2,12 @@
 //! count and a seed.
 
 use super::Subject;
+use super::contender::epsilon;
 use crate::accel::Accel;
 use crate::desc::{Error, Result};
 use crate::math::{Frame, Ray, Vec2, Vec3};
 use crate::sampling::{Sampler, cosine_hemisphere};
-use crate::shape::SurfacePoint;
+use crate::shape::{Hit, SurfacePoint};
 
 /// Which rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,12 +24,22 @@ pub enum RaySet {
     Shadow3,
     /// Rays from anywhere in the box, aimed exactly at vertices.
     Vertex,
+    /// The rays of [`RaySet::Bounce1`], which are made and not traced: what a
+    /// point of a surface and a ray that leaves it cost.
+    Spawn,
 }
 
 impl RaySet {
     /// All of them.
-    pub const ALL: [RaySet; 6] =
-        [RaySet::Camera, RaySet::Bounce1, RaySet::Bounce3, RaySet::Shadow1, RaySet::Shadow3, RaySet::Vertex];
+    pub const ALL: [RaySet; 7] = [
+        RaySet::Camera,
+        RaySet::Bounce1,
+        RaySet::Bounce3,
+        RaySet::Shadow1,
+        RaySet::Shadow3,
+        RaySet::Vertex,
+        RaySet::Spawn,
+    ];
 
     /// Its name in options and tables.
     #[must_use]
@@ -40,6 +51,7 @@ impl RaySet {
             RaySet::Shadow1 => "s1",
             RaySet::Shadow3 => "s3",
             RaySet::Vertex => "vertex",
+            RaySet::Spawn => "spawn",
         }
     }
 
@@ -56,10 +68,10 @@ impl RaySet {
         matches!(self, RaySet::Shadow1 | RaySet::Shadow3)
     }
 
-    /// Scattered: neither from the camera nor aimed at vertices.
+    /// Scattered and traced: neither from the camera nor aimed at vertices.
     #[must_use]
     pub fn is_incoherent(self) -> bool {
-        !matches!(self, RaySet::Camera | RaySet::Vertex)
+        !matches!(self, RaySet::Camera | RaySet::Vertex | RaySet::Spawn)
     }
 }
 
@@ -71,12 +83,43 @@ pub struct Rays {
     /// In the order in which they are traced. Empty when nothing is hit that
     /// they could leave.
     pub rays: Vec<Ray>,
+    /// The same rays a fixed distance off the surfaces that they leave, for
+    /// tracers that need it.
+    pub pushed: Vec<Ray>,
+    /// How they are made, for [`RaySet::Spawn`].
+    pub spawns: Vec<Spawn>,
+}
+
+/// A ray that is to leave a hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spawn {
+    /// The ray that has hit.
+    pub ray: Ray,
+    /// Its hit.
+    pub hit: Hit,
+    /// Where to go: a unit vector.
+    pub dir: Vec3,
 }
 
 /// The place of a hit and the normal on the side that was hit.
 struct Place {
+    ray: Ray,
+    hit: Hit,
     surface: SurfacePoint,
     normal: Vec3,
+}
+
+impl Place {
+    /// A ray that leaves the place, from a fixed distance off it; a shadow ray
+    /// ends as far before its light.
+    fn pushed(&self, ray: &Ray, epsilon: f32) -> Ray {
+        if ray.t_max.is_infinite() {
+            return self.surface.spawn_off(ray.dir, epsilon);
+        }
+        let off = self.surface.spawn_off(ray.dir, epsilon);
+        let dir = ray.origin + ray.dir - off.origin;
+        Ray { dir, t_max: 1.0 - epsilon / dir.length(), ..off }
+    }
 }
 
 /// Makes `count` rays of each of the sets, with the hits that `accel` finds;
@@ -86,21 +129,9 @@ pub fn ray_sets(subject: &Subject, accel: &Accel, sets: &[RaySet], count: usize,
     let maker = Maker { subject, accel, count, seed };
     let camera = maker.camera();
     let first = maker.places(&camera);
-    let bounce1 = maker.bounce(&first, 1);
-    let third = maker.places(&maker.bounce(&maker.places(&bounce1), 2));
-    sets.iter()
-        .map(|&set| {
-            let rays = match set {
-                RaySet::Camera => camera.clone(),
-                RaySet::Bounce1 => bounce1.clone(),
-                RaySet::Bounce3 => maker.bounce(&third, 3),
-                RaySet::Shadow1 => maker.shadow(&first, 4),
-                RaySet::Shadow3 => maker.shadow(&third, 5),
-                RaySet::Vertex => maker.vertex(6),
-            };
-            Rays { set, rays }
-        })
-        .collect()
+    let second = maker.places(&maker.alone(maker.bounce(&first, 1)));
+    let third = maker.places(&maker.alone(maker.bounce(&second, 2)));
+    sets.iter().map(|set| maker.rays(*set, &camera, &first, &third)).collect()
 }
 
 struct Maker<'a> {
@@ -113,6 +144,33 @@ struct Maker<'a> {
 const TILE: usize = 16;
 
 impl Maker<'_> {
+    fn rays(&self, set: RaySet, camera: &[Ray], first: &[Place], third: &[Place]) -> Rays {
+        let departures = match set {
+            RaySet::Camera | RaySet::Vertex => {
+                let rays = if set == RaySet::Camera { camera.to_vec() } else { self.vertex(6) };
+                return Rays { set, pushed: rays.clone(), rays, spawns: Vec::new() };
+            }
+            RaySet::Bounce1 | RaySet::Spawn => self.bounce(first, 1),
+            RaySet::Bounce3 => self.bounce(third, 3),
+            RaySet::Shadow1 => self.shadow(first, 4),
+            RaySet::Shadow3 => self.shadow(third, 5),
+        };
+        let epsilon = epsilon(self.subject.geometry());
+        let spawn = |(place, ray): &(&Place, Ray)| Spawn { ray: place.ray, hit: place.hit, dir: ray.dir };
+        let spawned = if set == RaySet::Spawn { &*departures } else { &[] };
+        Rays {
+            set,
+            spawns: spawned.iter().map(spawn).collect(),
+            pushed: departures.iter().map(|(place, ray)| place.pushed(ray, epsilon)).collect(),
+            rays: self.alone(departures),
+        }
+    }
+
+    /// Rays without the places that they leave.
+    fn alone(&self, departures: Vec<(&Place, Ray)>) -> Vec<Ray> {
+        departures.into_iter().map(|(_, ray)| ray).collect()
+    }
+
     /// Random numbers of ray `i` of one use.
     fn random(&self, i: usize, purpose: i32) -> Sampler {
         Sampler::new(self.seed, (i as i32, purpose), (i >> 31) as u64)
@@ -143,27 +201,29 @@ impl Maker<'_> {
         let geometry = self.subject.geometry();
         rays.iter()
             .filter_map(|ray| {
-                let surface = geometry.surface(ray, &self.accel.closest(geometry, ray)?);
+                let hit = self.accel.closest(geometry, ray)?;
+                let surface = geometry.surface(ray, &hit);
                 let normal = if ray.dir.dot(surface.ng) > 0.0 { -surface.ng } else { surface.ng };
-                Some(Place { surface, normal })
+                Some(Place { ray: *ray, hit, surface, normal })
             })
             .collect()
     }
 
     /// Diffuse bounces; every place is used as often as it takes.
-    fn bounce(&self, places: &[Place], purpose: i32) -> Vec<Ray> {
+    fn bounce<'p>(&self, places: &'p [Place], purpose: i32) -> Vec<(&'p Place, Ray)> {
         let rays = places.iter().cycle().take(self.count).enumerate().map(|(i, place)| {
             let local = cosine_hemisphere(self.random(i, purpose).get_2d(0));
-            place.surface.spawn(Frame::from_normal(place.normal).to_world(local))
+            (place, place.surface.spawn(Frame::from_normal(place.normal).to_world(local)))
         });
         rays.collect()
     }
 
-    fn shadow(&self, places: &[Place], purpose: i32) -> Vec<Ray> {
+    fn shadow<'p>(&self, places: &'p [Place], purpose: i32) -> Vec<(&'p Place, Ray)> {
         let rays = places.iter().cycle().take(8 * self.count).enumerate().filter_map(|(i, place)| {
             let random = self.random(i, purpose);
             let u = [random.get_2d(0), random.get_2d(1)];
-            self.subject.shadow_ray(&place.surface, place.normal, random.get_1d(0), u)
+            let ray = self.subject.shadow_ray(&place.surface, place.normal, random.get_1d(0), u)?;
+            Some((place, ray))
         });
         rays.take(self.count).collect()
     }
