@@ -4,6 +4,7 @@
 use std::f64::consts::PI;
 
 use super::Row;
+use super::rays::Random;
 use super::sheet::Sheet;
 use super::stage::{Still, diffuse, glow, ortho, path, path_unended, twosided};
 use crate::desc::{Mesh, Result};
@@ -155,7 +156,7 @@ fn lambert(corners: [DVec3; 3]) -> f64 {
 }
 
 fn triangles(sheet: &mut Sheet) -> Result<()> {
-    let mut random = super::meshes::Random::new(9);
+    let mut random = Random(9);
     let wanted = if sheet.full() { 100 } else { 10 };
     let mut made = 0;
     while made < wanted {

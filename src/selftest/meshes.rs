@@ -68,32 +68,3 @@ pub(super) fn sphere(rings: u32, segments: u32, radius: f32, centre: Vec3, smoot
     }
     mesh
 }
-
-/// PCG-XSH-RR 64/32 (O'Neill 2014): the numbers that rows choose their
-/// constructions with.
-#[derive(Debug)]
-pub(super) struct Random(u64);
-
-impl Random {
-    pub(super) fn new(seed: u64) -> Random {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0xda3e_39cb_94b9_5bdb);
-        random.next();
-        random
-    }
-
-    pub(super) fn next(&mut self) -> u32 {
-        let old = self.0;
-        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((((old >> 18) ^ old) >> 27) as u32).rotate_right((old >> 59) as u32)
-    }
-
-    /// Uniform in [0, 1).
-    pub(super) fn unit(&mut self) -> f32 {
-        (self.next() >> 8) as f32 * 2f32.powi(-24)
-    }
-
-    /// Each coordinate uniform in [-1, 1).
-    pub(super) fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
-    }
-}

@@ -12,6 +12,7 @@
 //! [`MOST_MEANS`] of them); and a mean that is not known well enough fails as
 //! undecided, so that noise passes nothing.
 
+mod geometry;
 mod invariants;
 mod lights;
 mod materials;
@@ -19,6 +20,7 @@ mod meshes;
 mod numerics;
 mod optics;
 mod peers;
+mod rays;
 mod report;
 mod sheet;
 mod stage;
@@ -59,7 +61,15 @@ impl std::fmt::Debug for Row {
 /// All rows in the order of the catalogue.
 #[must_use]
 pub fn rows() -> Vec<&'static Row> {
-    let rooms = [lights::ROWS, optics::ROWS, materials::ROWS, invariants::ROWS, stiff::ROWS, numerics::ROWS];
+    let rooms = [
+        lights::ROWS,
+        optics::ROWS,
+        materials::ROWS,
+        invariants::ROWS,
+        geometry::ROWS,
+        stiff::ROWS,
+        numerics::ROWS,
+    ];
     let mut rows: Vec<&Row> = rooms.into_iter().flatten().collect();
     rows.sort_by_key(|row| place(row.id));
     rows

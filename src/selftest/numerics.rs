@@ -1,7 +1,7 @@
 //! F1 to F8: sums, numbers, files.
 
 use super::Row;
-use super::meshes::Random;
+use super::rays::Random;
 use super::sheet::{Effort, SEEDS, Sheet};
 use super::stage::{Still, diffuse, glow, mean, options, path, rgb, sky, twosided};
 use crate::desc::Result;
@@ -101,12 +101,12 @@ fn sizes(sheet: &mut Sheet) -> Result<()> {
 }
 
 fn samplers(sheet: &mut Sheet) -> Result<()> {
-    let mut random = Random::new(4);
+    let mut random = Random(4);
     for sequence in Sequence::ALL {
         let (mut outside, mut same, mut tried) = (0u64, 0u64, 0u64);
         for _ in 0..sheet.count(20_000) {
-            let index = u64::from(random.next()) << (random.next() % 30);
-            let dimension = random.next() % 10_000;
+            let index = random.next() >> (24 + random.next() % 40);
+            let dimension = random.below(10_000);
             let at = |index| Sampler::new(3, (7, 11), index).with_sequence(sequence).get_2d(dimension);
             let (u, far) = (at(index), at(index + (1 << 40)));
             outside += u64::from(!(u.min_element() >= 0.0 && u.max_element() < 1.0));

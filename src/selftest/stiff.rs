@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::Row;
-use super::meshes::Random;
+use super::rays::Random;
 use super::sheet::{Same, Sheet, mean_and_error};
 use super::stage::{Still, diffuse, glow, ortho, path, path_unended, twosided};
 use crate::bsdf::Bsdf;
@@ -67,7 +67,7 @@ fn hidden_sun(sheet: &mut Sheet) -> Result<()> {
 fn many_lights(sheet: &mut Sheet) -> Result<()> {
     // Glowing triangles below and above the floor that all face away from it.
     let count = if sheet.full() { 1_000_000 } else { 50_000 };
-    let mut random = Random::new(2);
+    let mut random = Random(2);
     let mut mesh = Mesh::default();
     for i in 0..count {
         let at = random.vector() * Vec3::new(0.9, 0.2, 0.9) + Vec3::new(0.0, 1.5, 0.0);
@@ -160,7 +160,7 @@ fn mirror(sheet: &mut Sheet) -> Result<()> {
 
 fn grazing(sheet: &mut Sheet) -> Result<()> {
     let ends = [0.0, f32::MIN_POSITIVE, 1e-7, 0.5, 1.0 - f32::EPSILON / 2.0];
-    let mut random = Random::new(5);
+    let mut random = Random(5);
     let (mut bad, mut tried, mut first) = (0, 0, String::new());
     for (name, bsdf) in Bsdf::examples() {
         for angle in [0.0f64, 60.0, 89.9, 89.999, 90.0 - 5.7e-6, 90.0, 90.0 + 5.7e-6, 90.001, 120.0] {
