@@ -200,7 +200,9 @@ impl Plan {
         let mut contents = vec![Contents::default(); count];
         for (i, node) in tree.nodes.iter().enumerate().rev() {
             let d = (node.max - node.min) * scale;
+            // 3 at most, but for rounding; NaN beyond the range of f32.
             let area = d.x * d.y + d.y * d.z + d.z * d.x;
+            let area = if area < 4.0 { area } else { 4.0 };
             if node.is_leaf() {
                 let items = &items[node.first as usize..][..node.count as usize];
                 contents[i] = Contents::of(items, single_from);

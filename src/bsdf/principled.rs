@@ -92,7 +92,9 @@ impl PrincipledBase {
         let mut shape = lambert + retro;
         if self.flatness > 0.0 {
             let toward = |s: f32| 1.0 + (0.5 * rough - 1.0) * s;
-            let flat = 1.25 * (toward(so) * toward(si) * (1.0 / (wo.z + wi.z) - 0.5) + 0.5);
+            // It grows without end towards the horizon, where `wi.z` takes it back.
+            let steep = (wo.z + wi.z).recip().min(1e37);
+            let flat = 1.25 * (toward(so) * toward(si) * (steep - 0.5) + 0.5);
             shape += (flat - shape) * self.flatness;
         }
         let sheen = if self.sheen > 0.0 {
@@ -160,16 +162,17 @@ impl Principled {
 
     /// Value and half-vector density of the coat.
     fn coat(&self, wo: Vec3, wi: Vec3, m: Vec3) -> (f32, f32) {
-        let cos = wo.dot(m);
+        // wo·m, which cancels at grazing and may come out negative there.
+        let cos = 0.5 * (wo + wi).as_dvec3().length();
         let s = if self.base.eta > 1.0 {
-            schlick(cos)
+            schlick(cos as f32)
         } else {
             schlick(fresnel_between(wo, m, self.base.eta).cos_t.abs())
         };
         let d = gtr1(m.z, self.coat_alpha());
         let shadow = Microfacet::new(Distribution::Ggx, 0.25, 0.25);
         let value = 0.25 * self.clearcoat * (0.04 + 0.96 * s) * d * shadow.g1(wo) * shadow.g1(wi) * wi.z;
-        (value, d * m.z / (4.0 * cos))
+        (value, (f64::from(d * m.z) / (4.0 * cos)).min(1e30) as f32)
     }
 
     /// Probabilities of the diffuse, interface and coat lobes.

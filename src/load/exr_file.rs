@@ -4,16 +4,28 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use exr::compression::Compression;
 use exr::image::{FlatImage, FlatSamples};
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Chromaticities};
 use exr::prelude::{ReadChannels as _, ReadLayers as _};
 
 use super::files;
+use super::foreign::{check_promise, guarded};
 use crate::desc::{Error, Result};
 
 /// The first bytes of every OpenEXR file.
 pub const MAGIC: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// Files from this size on are decoded by several threads, whose start takes
+/// longer than a small one.
+const PARALLEL: usize = 1 << 20;
+
+/// Bytes in memory that a byte in the file stands for at most: deflate packs
+/// 1032 to one, of which halves become floats here; PIZ, RLE and B44 pack less,
+/// while DWA and what is newer leave whole blocks out before that.
+const DEFLATE: u64 = 2200;
+const DWA: u64 = 200_000;
 
 /// A decoded file. All parts have the same data window.
 #[derive(Clone, Debug)]
@@ -38,28 +50,41 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<ExrFile> {
 }
 
 fn decode(bytes: &[u8], max_bytes: u64) -> std::result::Result<ExrFile, String> {
+    guarded(|| decode_unguarded(bytes, max_bytes))
+}
+
+fn decode_unguarded(bytes: &[u8], max_bytes: u64) -> std::result::Result<ExrFile, String> {
     let cannot = |e: exr::error::Error| format!("cannot decode it: {e}");
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(cannot)?;
-    check_size(&meta, max_bytes)?;
-    let image: FlatImage = exr::prelude::read()
+    check_size(&meta, max_bytes, bytes.len())?;
+    let mut reader = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .all_layers()
-        .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(cannot)?;
+        .all_attributes();
+    if bytes.len() < PARALLEL {
+        reader = reader.non_parallel();
+    }
+    let image: FlatImage = reader.from_buffered(Cursor::new(bytes)).map_err(cannot)?;
     convert(image)
 }
 
-fn check_size(meta: &MetaData, max_bytes: u64) -> std::result::Result<(), String> {
-    let mut total = 0u64;
+fn check_size(meta: &MetaData, max_bytes: u64, length: usize) -> std::result::Result<(), String> {
+    let (mut total, mut ratio) = (0u64, DEFLATE);
     for header in &meta.headers {
         if header.deep {
             return Err("deep images are not read".into());
         }
         if header.channels.list.iter().any(|c| c.sampling.x() != 1 || c.sampling.y() != 1) {
             return Err("channels of reduced resolution (luminance and chroma) are not read".into());
+        }
+        use Compression as C;
+        if !matches!(
+            header.compression,
+            C::Uncompressed | C::RLE | C::ZIP1 | C::ZIP16 | C::PIZ | C::PXR24 | C::B44 | C::B44A
+        ) {
+            ratio = DWA;
         }
         let [w, h] = [header.layer_size.x() as u64, header.layer_size.y() as u64];
         let samples = w.saturating_mul(h).saturating_mul(header.channels.list.len() as u64);
@@ -72,7 +97,7 @@ fn check_size(meta: &MetaData, max_bytes: u64) -> std::result::Result<(), String
             ));
         }
     }
-    Ok(())
+    check_promise(total, length, ratio)
 }
 
 fn convert(image: FlatImage) -> std::result::Result<ExrFile, String> {

@@ -20,7 +20,8 @@ pub const SPECTRUM_CAP: u64 = 16 << 20;
 const NEIGHBOURS: usize = 10_000;
 
 /// Finds `name` in the first of `dirs` that has it. Absolute names are taken
-/// as they are; names with a scheme, such as `https://…`, are refused.
+/// as they are; names with a scheme, such as `https://…`, and those of other
+/// machines, such as `//server/share/x`, are refused.
 pub fn find(name: &str, dirs: &[PathBuf]) -> Result<PathBuf> {
     if name.is_empty() {
         return Err(Error::new("the file name is empty"));
@@ -28,6 +29,10 @@ pub fn find(name: &str, dirs: &[PathBuf]) -> Result<PathBuf> {
     if let Some(scheme) = scheme(name) {
         return Err(Error::new(format!("`{name}` is no file name"))
             .hint(format!("only files on this machine are read, not `{scheme}:` addresses")));
+    }
+    if [r"\\", "//"].iter().any(|start| name.starts_with(start)) {
+        return Err(Error::new(format!("`{name}` names another machine"))
+            .hint("only files on this machine are read; copy it, or mount its folder"));
     }
     let path = Path::new(name);
     let mut candidates: Vec<PathBuf> = if path.is_absolute() {
@@ -99,25 +104,33 @@ pub fn read_bytes(path: &Path, cap: u64) -> Result<Vec<u8>> {
     bytes
         .try_reserve_exact(wanted)
         .map_err(|_| Error::new(format!("no memory for the {length} bytes of `{}`", path.display())))?;
-    file.take(cap)
+    // What says that it is empty and is not, as files of /proc do, is empty.
+    file.take(length)
         .read_to_end(&mut bytes)
         .map_err(|e| Error::new(format!("cannot read `{}`: {e}", path.display())))?;
     Ok(bytes)
 }
 
-/// Unpacks what gzip has compressed, to at most `cap` bytes; gives anything
-/// else back as it is.
+/// Bytes that a compressed mesh may unpack to, for each of its own; real ones
+/// come to 2 to 20, and only what wants to fill the memory to a thousand.
+pub const EXPANSION: u64 = 200;
+/// What it may unpack to however small it is.
+pub const UNPACKED: u64 = 16 << 20;
+
+/// Unpacks what gzip has compressed, to at most `cap` bytes and [`EXPANSION`]
+/// times its own; gives anything else back as it is.
 pub fn unpack(bytes: Vec<u8>, cap: u64) -> std::result::Result<Vec<u8>, String> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
         return Ok(bytes);
     }
+    let cap = cap.min(UNPACKED.max(EXPANSION * bytes.len() as u64));
     let mut unpacked = Vec::new();
     flate2::read::MultiGzDecoder::new(&*bytes)
         .take(cap + 1)
         .read_to_end(&mut unpacked)
         .map_err(|e| format!("cannot unpack it: {e}"))?;
     if unpacked.len() as u64 > cap {
-        return Err(format!("unpacked it has more than the {cap} bytes that are read"));
+        return Err(format!("its {} bytes unpack to more than the {cap} that are read", bytes.len()));
     }
     Ok(unpacked)
 }
@@ -157,7 +170,9 @@ mod tests {
         packer.write_all(&[7; 1000]).unwrap();
         let packed = packer.finish().unwrap();
         assert_eq!(unpack(packed.clone(), 1000).unwrap(), [7; 1000]);
-        assert!(unpack(packed.clone(), 999).unwrap_err().contains("more than the 999 bytes"));
+        assert!(
+            unpack(packed.clone(), 999).unwrap_err().contains("unpack to more than the 999 that are read")
+        );
         assert!(unpack(packed[..packed.len() / 2].to_vec(), 1000).unwrap_err().starts_with("cannot unpack"));
         assert_eq!(unpack(b"ply".to_vec(), 1).unwrap(), b"ply");
     }

@@ -6,16 +6,20 @@
 //! primaries or white than Rec. 709 are converted through CIE XYZ without
 //! chromatic adaptation, as Mitsuba 3 does.
 
-use std::io::Cursor;
+use std::io::{Cursor, ErrorKind};
 use std::path::Path;
 
 use glam::DMat3;
-use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, ImageResult};
 
 use super::exr_file::{self, ExrFile};
 use super::files;
+use super::foreign::{check_promise, guarded};
 use crate::desc::{Error, Image, Pixels, Result};
 use crate::math::DVec3;
+
+/// What a hint names.
+const KNOWN: &str = "known: EXR, HDR, PNG, JPEG, WebP, TGA, BMP";
 
 /// Reads an image whose pixels take at most `max_bytes`.
 pub fn read(path: &Path, name: &str, max_bytes: u64) -> Result<Image> {
@@ -62,7 +66,8 @@ pub fn decode_bytes(bytes: &[u8], name: &str, limits: Limits) -> Result<Image> {
 
 /// Width and height as the start of a file promises them.
 pub fn dimensions(bytes: &[u8]) -> Option<(u32, u32)> {
-    ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?.into_dimensions().ok()
+    let reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format().ok()?;
+    guarded(|| reader.into_dimensions().map_err(|e| e.to_string())).ok()
 }
 
 fn decode_dynamic(bytes: &[u8], name: &str, limits: Limits) -> Result<(DynamicImage, ImageFormat)> {
@@ -73,21 +78,59 @@ fn decode_dynamic(bytes: &[u8], name: &str, limits: Limits) -> Result<(DynamicIm
     if reader.format().is_none() && limits.tga {
         reader.set_format(ImageFormat::Tga);
     }
-    let known = "known: EXR, HDR, PNG, JPEG, WebP, TGA, BMP";
     let Some(format) = reader.format() else {
-        return Err(fail("no image format that is known".into()).hint(known));
+        return Err(fail("no image format that is known".into()).hint(KNOWN));
     };
+    let mut is_unsupported = false;
+    let decoded = guarded(|| {
+        within(reader, bytes.len(), limits.bytes).map_err(|e| {
+            is_unsupported = matches!(e, ImageError::Unsupported(_));
+            match e {
+                ImageError::Limits(_) => {
+                    format!("it takes more than the {} bytes allowed by `max_image_bytes`", limits.bytes)
+                }
+                ImageError::IoError(e) if e.kind() == ErrorKind::Other => e.to_string(),
+                e => format!("cannot decode it: {e}"),
+            }
+        })
+    });
+    match decoded {
+        Ok(image) => Ok((image, format)),
+        Err(message) if is_unsupported => Err(fail(message).hint(KNOWN)),
+        Err(message) => Err(fail(message)),
+    }
+}
+
+/// Decodes into at most so many bytes, and no more than the file can hold.
+fn within(
+    mut reader: ImageReader<Cursor<&[u8]>>,
+    length: usize,
+    max_bytes: u64,
+) -> ImageResult<DynamicImage> {
     let mut allowed = image::Limits::no_limits();
-    allowed.max_alloc = Some(limits.bytes);
-    reader.limits(allowed);
-    let image = reader.decode().map_err(|e| match e {
-        ImageError::Limits(_) => {
-            fail(format!("it takes more than the {} bytes allowed by `max_image_bytes`", limits.bytes))
-        }
-        ImageError::Unsupported(e) => fail(format!("cannot decode it: {e}")).hint(known),
-        e => fail(format!("cannot decode it: {e}")),
-    })?;
-    Ok((image, format))
+    allowed.max_alloc = Some(max_bytes);
+    reader.limits(allowed.clone());
+    let ratio = match reader.format() {
+        // Deflate packs 1032 to one, and a bit may stand for three bytes.
+        Some(ImageFormat::Png) => 1032 * 24,
+        // Two bits for a block of 64, whose colours may be halved both ways.
+        Some(ImageFormat::Jpeg) => 4000,
+        // A few bytes may stand for any number of pixels.
+        _ => u64::MAX,
+    };
+    let mut decoder = reader.into_decoder()?;
+    let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 {
+        return Err(broken("it has no pixels".into()));
+    }
+    allowed.reserve(decoder.total_bytes())?;
+    check_promise(decoder.total_bytes(), length, ratio).map_err(broken)?;
+    decoder.set_limits(allowed)?;
+    DynamicImage::from_decoder(decoder)
+}
+
+fn broken(message: String) -> ImageError {
+    ImageError::IoError(std::io::Error::other(message))
 }
 
 fn from_dynamic(image: DynamicImage, name: &str) -> Image {

@@ -20,6 +20,7 @@
 mod assets;
 mod exr_file;
 mod files;
+mod foreign;
 mod gltf;
 mod image_file;
 mod lenient;
@@ -41,7 +42,7 @@ mod upgrade;
 mod values;
 mod xml;
 
-pub use picture::{Picture, read_picture};
+pub use picture::{Picture, read_picture, read_picture_within};
 
 use std::path::{Path, PathBuf};
 

@@ -8,6 +8,7 @@
 //! (0, 0) and the area-weighted mean of their faces' normals.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::path::Path;
 
 use super::files;
@@ -15,6 +16,10 @@ use crate::desc::{Error, Mesh, Result};
 use crate::math::{Vec2, Vec3};
 
 const NONE: u32 = u32::MAX;
+/// In `last`: the position's corners are in the map.
+const CROWDED: u32 = u32::MAX - 1;
+/// Corners of one position that are looked through one by one.
+const CHAIN: usize = 64;
 
 /// Reads an OBJ file.
 pub fn read(path: &Path, flip_tex_coords: bool) -> Result<Mesh> {
@@ -24,7 +29,7 @@ pub fn read(path: &Path, flip_tex_coords: bool) -> Result<Mesh> {
 }
 
 /// A vertex of the mesh: indices into the file's lists.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Corner {
     position: u32,
     uv: u32,
@@ -40,6 +45,8 @@ struct Reader {
     /// Per position the last corner that uses it, and per corner the one before.
     last: Vec<u32>,
     before: Vec<u32>,
+    /// The vertices of positions with many corners.
+    crowded: HashMap<Corner, u32>,
     triangles: Vec<[u32; 3]>,
     faces: usize,
 }
@@ -196,21 +203,46 @@ impl Reader {
     /// The vertex of a corner, made at its first use.
     fn vertex(&mut self, corner: Corner) -> Line<u32> {
         let head = corner.position as usize;
-        let mut candidate = self.last[head];
-        while candidate != NONE {
-            if self.corners[candidate as usize] == corner {
-                return Ok(candidate);
-            }
-            candidate = self.before[candidate as usize];
+        if let Some(known) = self.known(corner) {
+            return Ok(known);
         }
         let vertex = self.corners.len() as u32;
-        if vertex == NONE {
+        if vertex == CROWDED {
             return Err("the mesh has too many vertices".into());
         }
         self.corners.push(corner);
         self.before.push(self.last[head]);
-        self.last[head] = vertex;
+        if self.last[head] == CROWDED {
+            self.crowded.insert(corner, vertex);
+        } else {
+            self.last[head] = vertex;
+        }
         Ok(vertex)
+    }
+
+    /// The vertex of a corner that was used before. A position of which there
+    /// are many moves to the map, or the search would take the square of them.
+    fn known(&mut self, corner: Corner) -> Option<u32> {
+        let head = corner.position as usize;
+        if self.last[head] == CROWDED {
+            return self.crowded.get(&corner).copied();
+        }
+        let (mut candidate, mut steps) = (self.last[head], 0);
+        while candidate != NONE {
+            if self.corners[candidate as usize] == corner {
+                return Some(candidate);
+            }
+            candidate = self.before[candidate as usize];
+            steps += 1;
+        }
+        if steps >= CHAIN {
+            let mut each = std::mem::replace(&mut self.last[head], CROWDED);
+            while each != NONE {
+                self.crowded.insert(self.corners[each as usize], each);
+                each = self.before[each as usize];
+            }
+        }
+        None
     }
 
     fn finish(self) -> Mesh {

@@ -23,6 +23,8 @@ const INCLUDE_COUNT: usize = 10_000;
 const TOTAL_BYTES: usize = 1 << 30;
 /// Tags within tags.
 const NESTING: usize = 100;
+/// Parameters of an object that are looked through one by one.
+const CROWD: usize = 64;
 
 /// Tags that hold an object.
 const OBJECT_TAGS: &[Category] = &[
@@ -91,6 +93,7 @@ pub fn parse_scene(root: Root, options: &LoadOptions) -> Result<Parsed> {
         parameters: Parameters::new(&options.defines)?,
         stack: root.path.map(files::canonical).into_iter().collect(),
         bytes: 0,
+        crowds: HashMap::new(),
     };
     let name = root.name.clone();
     parser.file(root.name, root.text, vec![root.dir], Attach::Root)?;
@@ -122,6 +125,8 @@ struct Parser {
     /// Canonical paths of the files being read, outermost first.
     stack: Vec<PathBuf>,
     bytes: usize,
+    /// Lines of the named parameters of objects that have many.
+    crowds: HashMap<ObjectId, HashMap<String, u32>>,
 }
 
 impl Parser {
@@ -286,15 +291,31 @@ impl Parser {
 
     /// Adds a parameter to an object; a name given twice is an error.
     fn push(&mut self, tag: &Tag, owner: ObjectId, name: String, value: Value) -> Result<()> {
-        let owner = &mut self.out.scene.objects[owner as usize];
+        let pos = tag.pos();
         if !name.is_empty()
-            && let Some(first) = owner.params.iter().find(|p| p.name == name)
+            && let Some(line) = self.given(owner, &name, pos.line)
         {
-            let line = first.pos.line;
             return Err(tag.error(format!("`{name}` is given twice, first on line {line}")));
         }
-        owner.params.push(Param { name, value, pos: tag.pos() });
+        self.out.scene.objects[owner as usize].params.push(Param { name, value, pos });
         Ok(())
+    }
+
+    /// The line that has given an object this parameter, if one has; else it is
+    /// given now.
+    fn given(&mut self, owner: ObjectId, name: &str, line: u32) -> Option<u32> {
+        let params = &self.out.scene.objects[owner as usize].params;
+        if params.len() < CROWD {
+            return params.iter().find(|p| p.name == name).map(|p| p.pos.line);
+        }
+        let lines = self.crowds.entry(owner).or_insert_with(|| {
+            params.iter().filter(|p| !p.name.is_empty()).map(|p| (p.name.clone(), p.pos.line)).collect()
+        });
+        if let Some(first) = lines.get(name) {
+            return Some(*first);
+        }
+        lines.insert(name.to_owned(), line);
+        None
     }
 
     /// Transforms with a `time` each, as Mitsuba 0.x had them.
@@ -353,8 +374,8 @@ impl Parser {
     fn default(&mut self, tag: &Tag) -> Result<()> {
         tag.only(&["name", "value"])?;
         let name = parameter_name(tag)?;
-        self.parameters.default(&name, &tag.need("value")?.value);
-        Ok(())
+        let set = self.parameters.default(&name, &tag.need("value")?.value);
+        set.map_err(|e| e.at(tag.source.name.clone(), tag.pos()))
     }
 
     fn alias(&mut self, tag: &Tag) -> Result<()> {

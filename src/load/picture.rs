@@ -35,11 +35,15 @@ impl Picture {
 /// of an HDR, PNG, JPEG, TGA or BMP file. Integer formats are decoded from sRGB
 /// to linear; alpha is linear already.
 pub fn read_picture(path: &Path) -> Result<Picture> {
-    read(path).map_err(|e| e.at(path.display().to_string(), Pos::default()))
+    read_picture_within(path, LoadOptions::default().max_image_bytes)
 }
 
-fn read(path: &Path) -> Result<Picture> {
-    let max_bytes = LoadOptions::default().max_image_bytes;
+/// The same for a picture that takes at most so many bytes.
+pub fn read_picture_within(path: &Path, max_bytes: u64) -> Result<Picture> {
+    read(path, max_bytes).map_err(|e| e.at(path.display().to_string(), Pos::default()))
+}
+
+fn read(path: &Path, max_bytes: u64) -> Result<Picture> {
     if image_file::is_exr(path)? {
         let file = exr_file::read(path, max_bytes)?;
         let [width, height] = file.size;

@@ -86,6 +86,14 @@ enum Encoding {
     Big,
 }
 
+/// Elements, and properties of one, that a file may have.
+const MANY: usize = 1000;
+/// Numbers of attributes for each byte of the file: a polygon's stand once in
+/// the file and at each of its triangles in memory.
+const NUMBERS: usize = 16;
+/// Those that a mesh may have however short its file.
+const FEW_NUMBERS: usize = 1 << 20;
+
 /// The first lines of a PLY file.
 struct Header {
     encoding: Encoding,
@@ -122,6 +130,9 @@ fn header(rest: &mut &[u8]) -> Step<Header> {
             }
             ["element", name, count] => {
                 let count = count.parse().map_err(|_| format!("`{count}` is no count of `{name}`"))?;
+                if elements.len() >= MANY {
+                    return Err(format!("the header has more than {MANY} elements"));
+                }
                 elements.push(Element { name: name.into(), count, properties: Vec::new() });
             }
             ["property", ref about @ .., name] => {
@@ -134,6 +145,9 @@ fn header(rest: &mut &[u8]) -> Step<Header> {
                     return Err(format!("the length of list `{name}` is not an integer"));
                 }
                 let element = elements.last_mut().ok_or("a property stands before the first element")?;
+                if element.properties.len() >= MANY {
+                    return Err(format!("element `{}` has more than {MANY} properties", element.name));
+                }
                 element.properties.push(Property { name: name.into(), number, length });
             }
             _ => return Err(format!("cannot read the header line `{line}`")),
@@ -289,7 +303,7 @@ fn vertices(body: &mut Body, element: &Element, count: usize, mesh: &mut Mesh) -
     mesh.positions.reserve_exact(count);
     mesh.normals.reserve_exact(if has_normals { count } else { 0 });
     mesh.uvs.reserve_exact(if has_uvs { count } else { 0 });
-    let mut extra = Extra::new(element, "vertex", |i| slot_of[i].is_none());
+    let mut extra = Extra::new(element, "vertex", body.rest.len(), |i| slot_of[i].is_none());
     for index in 0..count {
         let mut values = [0.0f32; SLOTS.len()];
         for (i, (property, slot)) in element.properties.iter().zip(&slot_of).enumerate() {
@@ -299,7 +313,7 @@ fn vertices(body: &mut Body, element: &Element, count: usize, mesh: &mut Mesh) -
                 None => body.skip(property, element, index)?,
             }
         }
-        extra.store(1);
+        extra.store(1)?;
         if let Some(slot) = values.iter().position(|v| !v.is_finite()) {
             return Err(format!("vertex {index}: `{}` is not finite", SLOTS[slot]));
         }
@@ -322,7 +336,7 @@ fn faces(body: &mut Body, element: &Element, (count, vertices): (usize, u64), me
         return Err("element `face` lacks the list `vertex_indices`".into());
     };
     mesh.triangles.reserve_exact(count);
-    let mut extra = Extra::new(element, "face", |i| i != list);
+    let mut extra = Extra::new(element, "face", body.rest.len(), |i| i != list);
     for index in 0..count {
         let before = mesh.triangles.len();
         for (i, property) in element.properties.iter().enumerate() {
@@ -336,7 +350,7 @@ fn faces(body: &mut Body, element: &Element, (count, vertices): (usize, u64), me
                 _ => body.skip(property, element, index)?,
             }
         }
-        extra.store(mesh.triangles.len() - before);
+        extra.store(mesh.triangles.len() - before)?;
     }
     extra.finish(true, mesh)
 }
@@ -350,15 +364,18 @@ struct Extra {
     attributes: Vec<(String, u32)>,
     current: Vec<f32>,
     values: Vec<f32>,
+    /// Values that there may be.
+    room: usize,
 }
 
 impl Extra {
-    fn new(element: &Element, prefix: &str, free: impl Fn(usize) -> bool) -> Extra {
+    fn new(element: &Element, prefix: &str, left: usize, free: impl Fn(usize) -> bool) -> Extra {
         let mut extra = Extra {
             slot_of: vec![None; element.properties.len()],
             attributes: Vec::new(),
             current: Vec::new(),
             values: Vec::new(),
+            room: left.saturating_mul(NUMBERS).max(FEW_NUMBERS),
         };
         let find = |name: String| {
             let mut all = element.properties.iter().enumerate();
@@ -389,10 +406,14 @@ impl Extra {
     }
 
     /// Keeps the current numbers, so many times.
-    fn store(&mut self, times: usize) {
+    fn store(&mut self, times: usize) -> Step<()> {
+        if self.current.len().saturating_mul(times) > self.room - self.values.len() {
+            return Err("its polygons have too many corners for so many attributes".into());
+        }
         for _ in 0..times {
             self.values.extend(&self.current);
         }
+        Ok(())
     }
 
     fn finish(self, per_face: bool, mesh: &mut Mesh) -> Step<()> {

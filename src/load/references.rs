@@ -3,12 +3,15 @@
 use std::collections::HashMap;
 
 use super::parse::Parsed;
-use crate::desc::{Error, ObjectId, Result, SceneDesc, Value, nearest};
+use crate::desc::{Category, Error, ObjectId, Result, SceneDesc, Value, nearest};
 
 /// Objects inside objects, references followed.
 const NESTING: u32 = 128;
 /// Objects of the tree that the references unfold to.
 const UNFOLDED: u64 = 50_000_000;
+/// The same of what stands for one surface, light or sensor, where none needs
+/// many and all of them are built.
+const UNFOLDED_IN_ONE: u64 = 4096;
 
 /// Gives every pending reference its object, then checks that following them
 /// ends.
@@ -82,7 +85,8 @@ fn check_finite(scene: &SceneDesc) -> Result<()> {
             if height > NESTING {
                 return Err(scene.error(pos, format!("objects are nested more than {NESTING} deep here")));
             }
-            if size > UNFOLDED {
+            let one = !matches!(scene.object(*id).category, Category::Scene | Category::Shape);
+            if size > if one { UNFOLDED_IN_ONE } else { UNFOLDED } {
                 return Err(scene.error(pos, "references unfold to too many objects here"));
             }
             states[*id as usize] = State::Done { height, size };

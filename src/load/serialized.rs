@@ -24,8 +24,8 @@ const UVS: u32 = 0x2;
 const COLORS: u32 = 0x8;
 const FACE_NORMALS: u32 = 0x10;
 const DOUBLE: u32 = 0x2000;
-/// More than zlib can expand (1032 to 1).
-const EXPANSION: u64 = 1100;
+/// Longest name of a shape in bytes.
+const NAME: usize = 1 << 16;
 
 /// Reads one shape of a file; gives warnings too.
 pub fn read(path: &Path, shape_index: u32) -> Result<(Mesh, Vec<String>)> {
@@ -70,7 +70,7 @@ fn read_shape(mut file: File, length: u64, shape_index: u32) -> Step<(Mesh, u32)
     }
     let compressed = length.saturating_sub(offset);
     let stream = ZlibDecoder::new(BufReader::new(file));
-    let stream = stream.take(compressed.saturating_mul(EXPANSION));
+    let stream = stream.take(compressed.saturating_mul(files::EXPANSION).max(files::UNPACKED));
     Shape { stream }.read(version)
 }
 
@@ -99,6 +99,16 @@ impl<R: Read> Shape<R> {
         let mut bytes = [0; N];
         self.stream.read_exact(&mut bytes).map_err(|e| format!("the compressed data is broken: {e}"))?;
         Ok(bytes)
+    }
+
+    /// Passes over the shape's name, which a zero ends.
+    fn name(&mut self) -> Step<()> {
+        for _ in 0..NAME {
+            if self.exact::<1>()? == [0] {
+                return Ok(());
+            }
+        }
+        Err(format!("its name has more than {NAME} bytes"))
     }
 
     /// `count` records of `size` bytes; memory grows only as data comes.
@@ -140,7 +150,7 @@ impl<R: Read> Shape<R> {
     fn read(mut self, version: u16) -> Step<(Mesh, u32)> {
         let flags = u32::from_le_bytes(self.exact()?);
         if version == 4 {
-            while self.exact::<1>()? != [0] {} // the shape's name
+            self.name()?;
         }
         let vertices = u64::from_le_bytes(self.exact()?);
         let triangles = u64::from_le_bytes(self.exact()?);

@@ -15,15 +15,22 @@ struct Parameter {
 pub struct Parameters {
     /// Longest name first, so that `$ab` is not taken for `$a` and a `b`.
     list: Vec<Parameter>,
+    /// Bytes of all values that had parameters to replace.
+    replaced: usize,
 }
 
 /// Longest value an attribute may reach by substitution.
 const VALUE_CAP: usize = 1 << 20;
+/// Bytes that all of them may reach together: without, a few hundred bytes
+/// could stand for any number of them.
+const TOTAL_CAP: usize = 256 << 20;
+/// Parameters of one scene.
+const PARAMETERS: usize = 10_000;
 
 impl Parameters {
     /// Starts with the user's defines; a name given twice is an error.
     pub fn new(defines: &[(String, String)]) -> Result<Parameters> {
-        let mut parameters = Parameters { list: Vec::new() };
+        let mut parameters = Parameters { list: Vec::new(), replaced: 0 };
         for (name, value) in defines {
             if name.is_empty() {
                 return Err(Error::new("the name of a define is empty"));
@@ -37,10 +44,15 @@ impl Parameters {
     }
 
     /// A `<default>`: used unless the name has a value already.
-    pub fn default(&mut self, name: &str, value: &str) {
-        if !self.list.iter().any(|p| p.name == name) {
-            self.insert(name, value, false);
+    pub fn default(&mut self, name: &str, value: &str) -> Result<()> {
+        if self.list.iter().any(|p| p.name == name) {
+            return Ok(());
         }
+        if self.list.len() >= PARAMETERS {
+            return Err(Error::new(format!("there are more than {PARAMETERS} parameters")));
+        }
+        self.insert(name, value, false);
+        Ok(())
     }
 
     fn insert(&mut self, name: &str, value: &str, from_user: bool) {
@@ -51,6 +63,9 @@ impl Parameters {
 
     /// Replaces every `$name`; `\$` stands for a dollar sign.
     pub fn substitute(&mut self, text: &str) -> Result<String> {
+        if !text.contains('$') {
+            return Ok(text.to_owned());
+        }
         let mut out = String::with_capacity(text.len());
         let mut rest = text;
         while let Some(at) = rest.find('$') {
@@ -73,6 +88,12 @@ impl Parameters {
             }
         }
         out.push_str(rest);
+        self.replaced += out.len();
+        if self.replaced > TOTAL_CAP {
+            return Err(Error::new(format!(
+                "the values grow to more than {TOTAL_CAP} bytes when their parameters are replaced"
+            )));
+        }
         Ok(out)
     }
 

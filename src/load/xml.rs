@@ -1,10 +1,19 @@
 //! XML with positions: one document, its tags and attributes, and errors that
 //! say where a tag was left open.
 
+use std::cell::Cell;
+
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::substitute::Parameters;
 use crate::desc::{Error, Pos, Result};
+
+/// Tags, texts and comments of one file: 2 GB of memory.
+const NODES: u32 = 20_000_000;
+/// Attributes of one tag, and namespaces of one file: the parser takes the
+/// square of them.
+const ATTRIBUTES: usize = 200;
+const NAMESPACES: usize = 100;
 
 /// The text of one file, and how to name places in it.
 #[derive(Debug)]
@@ -15,6 +24,9 @@ pub struct Source<'t> {
     pub name: String,
     text: &'t str,
     line_starts: Vec<usize>,
+    /// The offset last asked for and its column: where a file is one line, the
+    /// next one is counted from there.
+    last: Cell<(usize, usize)>,
 }
 
 impl<'t> Source<'t> {
@@ -23,14 +35,20 @@ impl<'t> Source<'t> {
         let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         let mut line_starts = vec![0];
         line_starts.extend(text.bytes().enumerate().filter(|(_, b)| *b == b'\n').map(|(i, _)| i + 1));
-        Source { file, name, text, line_starts }
+        Source { file, name, text, line_starts, last: Cell::new((0, 1)) }
     }
 
     /// Line and column of a byte offset.
     pub fn pos(&self, offset: usize) -> Pos {
         let offset = offset.min(self.text.len());
         let line = self.line_starts.partition_point(|s| *s <= offset).max(1);
-        let column = self.text[self.line_starts[line - 1]..offset].chars().count() + 1;
+        let start = self.line_starts[line - 1];
+        let (from, before) = match self.last.get() {
+            (last, column) if (start..=offset).contains(&last) => (last, column),
+            _ => (start, 1),
+        };
+        let column = before + self.text[from..offset].chars().count();
+        self.last.set((offset, column));
         Pos { file: self.file, line: line as u32, column: column as u32 }
     }
 
@@ -41,8 +59,37 @@ impl<'t> Source<'t> {
 
     /// Parses the text; a DTD is refused.
     pub fn document(&self) -> Result<Document<'t>> {
-        let options = ParsingOptions { allow_dtd: false, ..ParsingOptions::default() };
+        self.check_crowds()?;
+        let options = ParsingOptions { allow_dtd: false, nodes_limit: NODES, ..ParsingOptions::default() };
         Document::parse_with_options(self.text, options).map_err(|e| self.syntax_error(&e))
+    }
+
+    /// Fails on a tag or a file with so many attributes or namespaces that the
+    /// parser would take forever.
+    fn check_crowds(&self) -> Result<()> {
+        if let Some((at, _)) = self.text.match_indices("xmlns").nth(NAMESPACES) {
+            return Err(self.error(at, format!("there are more than {NAMESPACES} namespaces in this file")));
+        }
+        let mut at = 0;
+        while let Some(offset) = self.text[at..].find('<') {
+            let start = at + offset;
+            let rest = &self.text[start..];
+            let skip = |end: &str| rest.find(end).map_or(self.text.len(), |i| start + i + end.len());
+            at = if rest.starts_with("<!--") {
+                skip("-->")
+            } else if rest.starts_with("<![CDATA[") {
+                skip("]]>")
+            } else {
+                let end = tag_end(rest).unwrap_or(rest.len());
+                if rest[..end].bytes().filter(|b| *b == b'=').count() > ATTRIBUTES
+                    && quoted(&rest[..end]) > ATTRIBUTES
+                {
+                    return Err(self.error(start, format!("a tag has more than {ATTRIBUTES} attributes")));
+                }
+                start + end
+            };
+        }
+        Ok(())
     }
 
     fn syntax_error(&self, error: &roxmltree::Error) -> Error {
@@ -51,6 +98,9 @@ impl<'t> Source<'t> {
             E::DtdDetected => {
                 let at = self.text.find("<!DOCTYPE").unwrap_or(0);
                 return self.error(at, "a document type definition (DTD) is not allowed here");
+            }
+            E::NodesLimitReached => {
+                return self.error(0, format!("there are more than {NODES} tags and texts in this file"));
             }
             E::NoRootNode => return self.error(0, "there is no tag in this file"),
             E::UnexpectedCloseTag(..) | E::UnclosedRootNode | E::UnexpectedEndOfStream => {
@@ -136,6 +186,19 @@ fn tag_end(text: &str) -> Option<usize> {
         }
     }
     None
+}
+
+/// How many quoted texts a tag has.
+fn quoted(tag: &str) -> usize {
+    let (mut quote, mut count) = (None, 0);
+    for byte in tag.bytes() {
+        match (quote, byte) {
+            (None, b'"' | b'\'') => (quote, count) = (Some(byte), count + 1),
+            (Some(q), b) if q == b => quote = None,
+            _ => {}
+        }
+    }
+    count
 }
 
 /// One attribute, parameters replaced.

@@ -28,6 +28,11 @@ pub const SHAPES: &[&str] = &[
 
 /// Most instances of a scene, nested ones multiplied out.
 const MAX_INSTANCES: usize = 1 << 28;
+/// Those that a short file may amount to, and those for each of its objects
+/// when that is more: groups in groups multiply, and a few lines could ask for
+/// any number.
+const FREE_INSTANCES: usize = 1 << 20;
+const INSTANCES_PER_OBJECT: usize = 1024;
 
 /// What a group holds.
 #[derive(Clone, Debug, Default)]
@@ -130,7 +135,11 @@ impl Builder<'_> {
             contents.nested.push(self.moving_shape(id)?);
         }
         for id in sorted.instances {
-            contents.nested.push(self.instance(id)?);
+            let inner = self.instance(id)?;
+            // Each that is kept leads to primitives, so that placing them ends.
+            if inner.0.part.is_some() || !inner.0.nested.is_empty() {
+                contents.nested.push(inner);
+            }
         }
         if !sorted.still.is_empty() {
             contents.part = Some(self.geometry.begin_group());
@@ -171,8 +180,13 @@ impl Builder<'_> {
     fn place(&mut self, contents: &GroupContents, motion: &Motion) -> Result<()> {
         if let Some(part) = contents.part {
             self.plan.instances += 1;
-            if self.plan.instances > MAX_INSTANCES {
-                return Err(Error::new(format!("more than {MAX_INSTANCES} instances")));
+            let by_size = self.desc.objects.len().saturating_mul(INSTANCES_PER_OBJECT);
+            let most = by_size.clamp(FREE_INSTANCES, MAX_INSTANCES);
+            if self.plan.instances > most {
+                return Err(self
+                    .desc
+                    .params(self.desc.root)
+                    .error(format!("groups in groups multiply to more than {most} instances")));
             }
             self.geometry.add_instance(part, motion.clone());
         }

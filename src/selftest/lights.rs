@@ -68,7 +68,7 @@ fn point(sheet: &mut Sheet) -> Result<()> {
 }
 
 fn sphere_far(sheet: &mut Sheet) -> Result<()> {
-    for ratio in [0.25, 0.05, 5e-3, 5e-4, 5e-5, 5e-7] {
+    for ratio in [0.25, 0.05, 5e-3, 5e-4, 5e-5, 5e-7, 1e-12] {
         let body = format!("{FLOOR}{}", sphere([0.0, 1.0, 0.0], ratio, (1.0 / ratio).powi(2)));
         sheet.radiance(format!("r/h = {ratio:e}"), 0.5, &direct(body, 0.5))?;
     }

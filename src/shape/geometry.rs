@@ -456,7 +456,7 @@ impl Geometry {
     ) -> [Vec3; 2] {
         let [a, b, c] = indices.map(|i| self.tangents[(i64::from(i) + base) as usize]);
         let sum = a * weights[0] + b * weights[1] + c * weights[2];
-        match sum.truncate().try_normalize() {
+        match direction(sum.truncate()) {
             Some(t) => {
                 let side = if sum.w < 0.0 { -1.0 } else { 1.0 };
                 [t * dpdu.length(), ns.cross(t) * (side * dpdv.length())]
@@ -482,8 +482,15 @@ impl Geometry {
                 Some(between) => between.of(&self.normals, index),
             }
         });
-        (a * weights[0] + b * weights[1] + c * weights[2]).try_normalize()
+        direction(a * weights[0] + b * weights[1] + c * weights[2])
     }
+}
+
+/// The direction of a mean of unit vectors; `None` where they cancel, up to
+/// what rounding leaves of them.
+#[inline(always)]
+fn direction(mean: Vec3) -> Option<Vec3> {
+    if mean.length_squared() > 1e-30 { mean.try_normalize() } else { None }
 }
 
 /// ∂p/∂u and ∂p/∂v of a triangle with these edges: along the texture

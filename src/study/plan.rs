@@ -320,10 +320,11 @@ impl Plan {
                 return Err(Error::new(message).hint(format!("there are {}", names.join(", "))));
             }
         }
+        let configurations = self.configurations()?;
         let mut taken: Vec<(String, String)> = Vec::new();
         for series in &self.series {
             let name = (series.scene.clone(), series.name.clone());
-            if taken.contains(&name) || self.configurations()?.iter().any(|c| c.name() == series.name) {
+            if taken.contains(&name) || configurations.iter().any(|c| c.name() == series.name) {
                 return Err(Error::new(format!("the name of the series `{}` is taken", series.name)));
             }
             taken.push(name);
@@ -334,8 +335,8 @@ impl Plan {
                     .hint("there are albedo, N, P; colour is always measured"));
             }
         }
-        let configurations = self.configurations()?;
-        let runs = self.scenes.len() * configurations.len() * self.budgets()?.len() * self.repeats as usize;
+        let factors = [configurations.len(), self.budgets()?.len(), self.repeats as usize];
+        let runs = factors.into_iter().fold(self.scenes.len(), usize::saturating_mul);
         if runs > MOST_RUNS {
             return Err(Error::new(format!("the plan asks for {runs} runs; at most {MOST_RUNS} make sense")));
         }
@@ -383,6 +384,11 @@ impl Plan {
                 && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())
             {
                 return Err(Error::new(format!("vary `max-depth`: `{bad}` is no whole number")));
+            }
+            if all.len().saturating_mul(values.len()) > MOST_RUNS {
+                return Err(Error::new(format!(
+                    "what is varied combines to more than {MOST_RUNS} configurations"
+                )));
             }
             all = all
                 .into_iter()

@@ -7,6 +7,7 @@ use super::fail;
 use super::json::Primitive;
 use super::source::Source;
 use crate::desc::Result;
+use crate::load::foreign::guarded;
 
 /// A decoded primitive.
 pub struct Packed {
@@ -23,10 +24,14 @@ impl Packed {
         let place = format!("{place}.extensions.KHR_draco_mesh_compression");
         let (bytes, _) = source.view(draco.buffer_view, &place)?;
         let limits = DecodeLimits::default().with_max_decoded_bytes(CAP);
-        let mut mesh = Mesh::new();
-        MeshDecoder::new()
-            .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)
-            .map_err(|e| fail(&place, format!("cannot be decoded: {e}")))?;
+        let mesh = guarded(|| {
+            let mut mesh = Mesh::new();
+            MeshDecoder::new()
+                .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)
+                .map_err(|e| e.to_string())?;
+            Ok(mesh)
+        })
+        .map_err(|e| fail(&place, format!("cannot be decoded: {e}")))?;
         source.budget.take((mesh.num_faces() * 12 + mesh.num_points() * 12) as u64, &place)?;
         Ok(Some(Packed { mesh }))
     }

@@ -1,0 +1,6 @@
+//! The target `obj` of `readers.rs`.
+#![no_main]
+
+use etendue_fuzz::readers::obj as reader;
+
+libfuzzer_sys::fuzz_target!(init: etendue_fuzz::prepare(reader), |data: &[u8]| etendue_fuzz::run(reader, data));
