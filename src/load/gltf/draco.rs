@@ -22,13 +22,18 @@ impl Packed {
         let Some(draco) = &primitive.extensions.draco else { return Ok(None) };
         let place = format!("{place}.extensions.KHR_draco_mesh_compression");
         let (bytes, _) = source.view(draco.buffer_view, &place)?;
-        let limits = DecodeLimits::default().with_max_decoded_bytes(CAP);
+        let limits = DecodeLimits::default().with_max_decoded_bytes(source.budget.left().min(CAP));
         let mut mesh = Mesh::new();
         MeshDecoder::new()
             .decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh)
             .map_err(|e| fail(&place, format!("cannot be decoded: {e}")))?;
         source.budget.take((mesh.num_faces() * 12 + mesh.num_points() * 12) as u64, &place)?;
         Ok(Some(Packed { mesh }))
+    }
+
+    /// Vertices, after decoding.
+    pub fn points(&self) -> usize {
+        self.mesh.num_points()
     }
 
     /// The vertex indices of all triangles.
