@@ -290,8 +290,9 @@ impl AnisotropicEnergy {
             .map(|k| {
                 let part = |i: usize| i as f32 / (FINE - 1) as f32;
                 let (u, ratio) = (part(k % FINE), part(k / FINE));
-                let roughness = Vec2::new(u, u * ratio.sqrt());
-                let turns = 8;
+                // Where one roughness vanishes a little of it makes a difference.
+                let roughness = Vec2::new(u, u * ratio);
+                let turns = 24;
                 let at_turn = |j: usize| {
                     let phi = (j as f32 + 0.5) / turns as f32 * std::f32::consts::FRAC_PI_2;
                     let at = |mu: f32| energy.at(direction(mu, phi), roughness);
@@ -321,13 +322,16 @@ impl AnisotropicEnergy {
         };
         let row = |v: usize| at(u, v) * (1.0 - fu) + at(u + 1, v) * fu;
         let Vec2 { x: loss, y: delta } = row(v) * (1.0 - fv) + row(v + 1) * fv;
-        Split { loss, b: (1.0 - loss) * share(w.z, projected * delta) }
+        let b = (1.0 - loss) * share(w.z, projected * delta);
+        // Interpolated B may be too small: what the base gets must not be too much.
+        Split { loss, b: (b + 0.5 * SLACK as f32).min(1.0 - loss) }
     }
 
     /// The mean of that over diffuse light.
     pub(super) fn mean(&self, roughness: Vec2) -> Split {
         let alpha = (roughness * roughness).max(Vec2::splat(LEAST));
-        let mean = bilinear(&self.means, FINE, cell(alpha.y / alpha.x, FINE), cell(roughness.x, FINE));
+        let ratio = (alpha.y / alpha.x).sqrt();
+        let mean = bilinear(&self.means, FINE, cell(ratio, FINE), cell(roughness.x, FINE));
         Split { loss: mean.x.powi(4), b: mean.y }
     }
 }

@@ -81,10 +81,11 @@ impl Film {
     }
 
     /// The f₀ with which Schlick's reflectance (f₉₀ = 1) is that of the largest
-    /// channel at a cosine.
+    /// channel at a cosine; below 1, so that what passes has no holes, in which a
+    /// density would find no sample.
     pub(super) fn schlick_f0(&self, cos: f32, f0: Rgb) -> f32 {
         let s = schlick(cos);
-        ((self.reflectance(cos, f0).max_element() - s) / (1.0 - s).max(1e-3)).clamp(0.0, 1.0)
+        ((self.reflectance(cos, f0).max_element() - s) / (1.0 - s).max(1e-3)).clamp(0.0, 0.9996)
     }
 
     /// The film from all directions.
