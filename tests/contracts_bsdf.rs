@@ -7,9 +7,9 @@ mod common;
 
 use common::chi2::{Grid, chi2, sidak};
 use etendue::bsdf::{
-    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic,
-    Principled, PrincipledBase, PrincipledThin, RoughConductor, RoughDielectric, RoughPlastic,
-    RoughPlasticTable, ThinDielectric,
+    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Film, Layered, Layers, Microfacet,
+    Null, Plastic, Principled, PrincipledBase, PrincipledThin, RoughConductor, RoughDielectric, RoughPlastic,
+    RoughPlasticTable, Substance, ThinDielectric,
 };
 use etendue::color::conductor;
 use etendue::math::{ONE_MINUS_EPSILON, Rgb, Vec2, Vec3};
@@ -275,7 +275,15 @@ fn no_more_light_leaves_than_comes() {
             // at the critical angle of solids.
             let lossless = name.starts_with("gltf white") || name.starts_with("gltf lossless");
             let coarse = (theta - 90.0f32).abs() < 0.1 || name.contains("solid");
-            if lossless && a.min_element() < 1.0 - if coarse { 3e-3 } else { 2e-3 } {
+            // What a stretched dielectric takes from its base is a mean over all
+            // turns of a table over two roughnesses: 5e-3 at the widest stretch.
+            let stretched = name.contains("anisotropy") && name.contains("metallic 0");
+            let least = match (stretched, coarse) {
+                (true, _) => 1.0 - 6e-3,
+                (_, true) => 1.0 - 3e-3,
+                _ => 1.0 - 2e-3,
+            };
+            if lossless && a.min_element() < least {
                 failures.push(format!("{name} at {theta}°: {a} is lossy"));
             }
             // As Burley's model is: bright at grazing.
@@ -553,5 +561,35 @@ proptest! {
     ) {
         thread_local!(static LIST: Vec<(String, Bsdf<'static>)> = Bsdf::examples());
         LIST.with(|list| check_finite(&list[which.index(list.len())].1, wo, wi, (l, Vec2::new(x, y))))?;
+    }
+}
+
+/// A film lies on what is left of the reflection, which does not weigh it:
+/// without any it reflects as one on a base of its surroundings' index.
+#[test]
+fn a_film_is_not_weighed_by_the_specular_strength() {
+    let film = Film { ior: 1.8, thickness: 300.0 };
+    for specular in [0.0, 0.5] {
+        let f0 = Rgb::splat(0.04 * specular);
+        let substance = Substance { base_color: Rgb::ZERO, metallic: 0.0, roughness: 0.0, f0, f90: specular };
+        let layers = Layers { iridescence: 1.0, film, ..Layers::default() };
+        let surface = Layered::new(&substance, &layers, None, false);
+        let bsdf = Bsdf::from(&surface);
+        let s = bsdf.sample(Vec3::Z, 0.5, Vec2::splat(0.5)).unwrap();
+        let expected = film.reflectance(1.0, f0);
+        assert!(s.delta && (s.weight * s.pdf - expected).abs().max_element() < 1e-5, "{s:?} {expected}");
+    }
+}
+
+/// What a film does not reflect reaches the base and comes back.
+#[test]
+fn a_film_on_a_smooth_white_base_takes_little() {
+    let white =
+        Substance { base_color: Rgb::ONE, metallic: 0.0, roughness: 0.0, f0: Rgb::splat(0.04), f90: 1.0 };
+    for (ior, thickness, least) in [(1.3, 400.0, 0.96), (1.1, 800.0, 0.96), (1.0, 2000.0, 0.97)] {
+        let layers = Layers { iridescence: 1.0, film: Film { ior, thickness }, ..Layers::default() };
+        let surface = Layered::new(&white, &layers, None, false);
+        let found = albedo(&Bsdf::from(&surface), Vec3::Z);
+        assert!(found.min_element() > least && found.max_element() < 1.0005, "{ior} {thickness}: {found}");
     }
 }

@@ -431,7 +431,7 @@ fn alpha_modes() {
     let mask_bsdf = only(&mask, Category::Bsdf, "mask");
     let opacity = texture(&mask, mask_bsdf, "opacity");
     let Some(Value::Image(image)) = param(opacity, "image") else { panic!("no image") };
-    assert!(matches!(&mask.images[*image as usize].pixels, Pixels::F32(p) if *p == [0.0, 1.0]));
+    assert!(matches!(&mask.images[*image as usize].pixels, Pixels::U8(p) if *p == [0, 255]));
     assert!(
         mask_bsdf
             .params

@@ -12,6 +12,7 @@
 //! δ = ((B/(A + B))^⅕ − (1 − cos))/α, 0 for a mirror before the division; and of the mean
 //! loss, which falls as α², its fourth root.
 
+use std::ops::{Add, Mul, Sub};
 use std::sync::LazyLock;
 
 use super::fresnel::reflect;
@@ -59,7 +60,7 @@ pub(super) struct GgxEnergy {
 
 /// The same surface, isotropic: for every material.
 pub(super) static GGX: LazyLock<GgxEnergy> = LazyLock::new(GgxEnergy::new);
-/// The loss of an anisotropic one; filled only where a scene has one.
+/// An anisotropic one; filled only where a scene has one.
 pub(super) static ANISOTROPIC_GGX: LazyLock<AnisotropicEnergy> = LazyLock::new(AnisotropicEnergy::new);
 
 /// A roughness √α in [0, 1] as a place in the tables.
@@ -104,13 +105,16 @@ pub(super) fn cell(x: f32, n: usize) -> (usize, f32) {
 
 /// Bilinear value at a point of a table of rows of `n`.
 #[inline]
-pub(super) fn bilinear(table: &[f32], n: usize, (row, v): (usize, f32), (column, u): (usize, f32)) -> f32 {
+pub(super) fn bilinear<T>(table: &[T], n: usize, (row, v): (usize, f32), (column, u): (usize, f32)) -> T
+where
+    T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f32, Output = T>,
+{
     let at = |r: usize| {
         let i = r * n + column;
-        table[i] + u * (table[i + 1] - table[i])
+        table[i] + (table[i + 1] - table[i]) * u
     };
     let (low, high) = (at(row), at(row + 1));
-    low + v * (high - low)
+    low + (high - low) * v
 }
 
 /// The coordinate over which the loss is smooth for any roughness.
@@ -218,16 +222,7 @@ impl GgxEnergy {
     /// B/(A + B).
     #[inline]
     fn share(&self, cos: f32, row: Row, column: (usize, f32)) -> f32 {
-        let delta = row.alpha * bilinear(&self.delta, N, row.cell(), column);
-        let beta = (1.0 - cos + delta).clamp(0.0, 1.0);
-        let beta2 = beta * beta;
-        beta2 * beta2 * beta
-    }
-
-    /// The same for another loss than that of this roughness.
-    pub(super) fn with_loss(&self, cos: f32, row: Row, loss: f32) -> Split {
-        let column = cell(stretched(cos, row.alpha), N);
-        Split { loss, b: (1.0 - loss) * self.share(cos, row, column) }
+        share(cos, row.alpha * bilinear(&self.delta, N, row.cell(), column))
     }
 
     /// The mean over diffuse light.
@@ -241,6 +236,14 @@ impl GgxEnergy {
     }
 }
 
+/// B/(A + B) for a cosine and α·δ.
+#[inline]
+fn share(cos: f32, delta: f32) -> f32 {
+    let beta = (1.0 - cos + delta).clamp(0.0, 1.0);
+    let beta2 = beta * beta;
+    beta2 * beta2 * beta
+}
+
 /// F̂: the colour of what is scattered more than once, for Schlick's f₀, f₉₀.
 pub(super) fn multiple(f0: Rgb, f90: f32, mean_loss: f32) -> Rgb {
     let f = f0 + (Rgb::splat(f90) - f0) / 21.0;
@@ -248,17 +251,18 @@ pub(super) fn multiple(f0: Rgb, f90: f32, mean_loss: f32) -> Rgb {
     f * f * (1.0 - mean_loss) / denominator.max(Rgb::splat(1e-6))
 }
 
-/// The loss of a GGX surface of two roughnesses, over all directions.
+/// A GGX surface of two roughnesses, over all directions: loss and δ, and the
+/// fourth root of the mean loss and the mean B.
 pub(super) struct AnisotropicEnergy {
-    loss: Vec<f32>,
-    means: Vec<f32>,
+    table: Vec<Vec2>,
+    means: Vec<Vec2>,
 }
 
 impl AnisotropicEnergy {
     fn new() -> AnisotropicEnergy {
         let [nx, n_phi, nu, nv] = ANISOTROPIC;
         let points = square(40, 24, false);
-        let mut loss = Vec::with_capacity(nx * n_phi * nu * nv);
+        let mut table = Vec::with_capacity(nx * n_phi * nu * nv);
         for v in 0..nv {
             for u in 0..nu {
                 let alpha = (u as f32 / (nu - 1) as f32).powi(2);
@@ -271,33 +275,38 @@ impl AnisotropicEnergy {
                     let phi = (1.0 - cos2).max(0.0).sqrt().atan2(cos2.sqrt());
                     for i in 0..nx {
                         let cos = unstretched(i as f32 / (nx - 1) as f32, projected);
-                        let e = reflected(&distribution, direction(cos, phi), &points).0;
+                        let (e, b) = reflected(&distribution, direction(cos, phi), &points);
                         // This table is coarser.
-                        loss.push((1.0 - e - 1.5 * SLACK).max(0.0) as f32);
+                        let loss = (1.0 - e - 1.5 * SLACK).max(0.0);
+                        let delta =
+                            ((b / e).max(0.0).powf(0.2) - (1.0 - f64::from(cos))) / f64::from(projected);
+                        table.push(Vec2::new(loss as f32, delta as f32));
                     }
                 }
             }
         }
-        let mut energy = AnisotropicEnergy { loss, means: Vec::new() };
+        let mut energy = AnisotropicEnergy { table, means: Vec::new() };
         energy.means = (0..FINE * FINE)
             .map(|k| {
                 let part = |i: usize| i as f32 / (FINE - 1) as f32;
                 let (u, ratio) = (part(k % FINE), part(k / FINE));
-                let roughness = Vec2::new(u, u * ratio.sqrt());
-                let turns = 8;
+                // Where one roughness vanishes a little of it makes a difference.
+                let roughness = Vec2::new(u, u * ratio);
+                let turns = 24;
                 let at_turn = |j: usize| {
                     let phi = (j as f32 + 0.5) / turns as f32 * std::f32::consts::FRAC_PI_2;
-                    diffuse_mean(|mu| energy.loss(direction(mu, phi), roughness))
+                    let at = |mu: f32| energy.at(direction(mu, phi), roughness);
+                    Vec2::new(diffuse_mean(|mu| at(mu).loss), diffuse_mean(|mu| at(mu).b))
                 };
-                ((0..turns).map(at_turn).sum::<f32>() / turns as f32).sqrt().sqrt()
+                let mean = (0..turns).map(at_turn).sum::<Vec2>() / turns as f32;
+                Vec2::new(mean.x.sqrt().sqrt(), mean.y)
             })
             .collect();
         energy
     }
 
-    /// Lost towards `w` (w.z > 0) for roughnesses √α along x and, not more,
-    /// along y.
-    pub(super) fn loss(&self, w: Vec3, roughness: Vec2) -> f32 {
+    /// Towards `w` (w.z > 0) for roughnesses √α along x and, not more, along y.
+    pub(super) fn at(&self, w: Vec3, roughness: Vec2) -> Split {
         let [nx, n_phi, nu, nv] = ANISOTROPIC;
         let alpha = (roughness * roughness).max(Vec2::splat(LEAST));
         let projected = along(alpha, w);
@@ -309,16 +318,21 @@ impl AnisotropicEnergy {
         let fu = ((alpha.x - node(u)) / (node(u + 1) - node(u))).clamp(0.0, 1.0);
         let at = |u: usize, v: usize| {
             let start = (v * nu + u) * n_phi * nx;
-            bilinear(&self.loss[start..start + n_phi * nx], nx, phi, x)
+            bilinear(&self.table[start..start + n_phi * nx], nx, phi, x)
         };
         let row = |v: usize| at(u, v) * (1.0 - fu) + at(u + 1, v) * fu;
-        row(v) * (1.0 - fv) + row(v + 1) * fv
+        let Vec2 { x: loss, y: delta } = row(v) * (1.0 - fv) + row(v + 1) * fv;
+        let b = (1.0 - loss) * share(w.z, projected * delta);
+        // Interpolated B may be too small: what the base gets must not be too much.
+        Split { loss, b: (b + 0.5 * SLACK as f32).min(1.0 - loss) }
     }
 
     /// The mean of that over diffuse light.
-    pub(super) fn mean(&self, roughness: Vec2) -> f32 {
+    pub(super) fn mean(&self, roughness: Vec2) -> Split {
         let alpha = (roughness * roughness).max(Vec2::splat(LEAST));
-        bilinear(&self.means, FINE, cell(alpha.y / alpha.x, FINE), cell(roughness.x, FINE)).powi(4)
+        let ratio = (alpha.y / alpha.x).sqrt();
+        let mean = bilinear(&self.means, FINE, cell(ratio, FINE), cell(roughness.x, FINE));
+        Split { loss: mean.x.powi(4), b: mean.y }
     }
 }
 
@@ -368,7 +382,7 @@ mod tests {
     #[test]
     fn anisotropic_table_meets_a_finer_quadrature() {
         let points = square(80, 160, false);
-        let mut worst = 0.0f64;
+        let mut worst = [0.0f64; 2];
         for (u, v) in
             [(0.5f32, 0.3), (0.8, 0.4), (1.0, 0.4), (0.95, 0.8), (0.6, 0.6), (0.33, 0.05), (1.0, 1.0)]
         {
@@ -376,12 +390,15 @@ mod tests {
             for cos in [1e-3f32, 0.05, 0.26, 0.5, 0.71, 0.94, 1.0] {
                 for phi in [0.0, 0.4, 0.9, 1.3, 1.57] {
                     let w = direction(cos, phi);
-                    let e = reflected(&distribution, w, &points).0;
-                    let error = (1.0 - e - f64::from(ANISOTROPIC_GGX.loss(w, Vec2::new(u, v)))).abs();
-                    worst = worst.max(error);
+                    let (e, b) = reflected(&distribution, w, &points);
+                    let found = ANISOTROPIC_GGX.at(w, Vec2::new(u, v));
+                    let errors = [1.0 - e - f64::from(found.loss), b - f64::from(found.b)];
+                    for (worst, error) in worst.iter_mut().zip(errors) {
+                        *worst = worst.max(error.abs());
+                    }
                 }
             }
         }
-        assert!(worst < 4e-3, "{worst}");
+        assert!(worst[0] < 4e-3 && worst[1] < 4e-3, "{worst:?}");
     }
 }

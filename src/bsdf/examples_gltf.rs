@@ -72,14 +72,26 @@ fn opaque() -> Vec<(String, Layered<'static>)> {
         let sheen = Layers { sheen_color: Rgb::new(1.0, 0.5, 0.2), sheen_roughness: roughness, ..none };
         list.push(named(&format!("sheen {roughness}"), WHITE, sheen));
     }
-    for (anisotropy, roughness) in [(0.3, 0.3), (0.7, 0.4), (1.0, 0.4), (0.9, 0.8)] {
-        let substance = Substance { roughness, metallic: 1.0, ..WHITE };
-        let stretched = Layers { anisotropy, ..none };
-        list.push(named(
-            &format!("lossless anisotropy {anisotropy} roughness {roughness}"),
-            substance,
-            stretched,
-        ));
+    for (anisotropy, roughness) in [(0.3, 0.3), (0.7, 0.4), (1.0, 0.4), (0.9, 0.8), (1.0, 0.1)] {
+        for metallic in [0.0, 1.0] {
+            let substance = Substance { roughness, metallic, ..WHITE };
+            let stretched = Layers { anisotropy, ..none };
+            let name = format!("lossless anisotropy {anisotropy} roughness {roughness} metallic {metallic}");
+            list.push(named(&name, substance, stretched));
+        }
+    }
+    for (ior, thickness, roughness) in [
+        (1.0, 360.0, 0.0),
+        (1.0, 2000.0, 0.0),
+        (1.0, 2000.0, 0.2),
+        (1.1, 800.0, 0.0),
+        (1.3, 400.0, 0.1),
+        (1.2, 1200.0, 0.4),
+        (1.3, 2000.0, 0.7),
+    ] {
+        let layers = Layers { iridescence: 1.0, film: Film { ior, thickness }, ..none };
+        let name = format!("film {ior} of {thickness} roughness {roughness}");
+        list.push(named(&name, Substance { roughness, ..WHITE }, layers));
     }
     for (thickness, metallic) in [(100.0, 0.0), (400.0, 0.0), (550.0, 1.0)] {
         let substance = Substance { metallic, base_color: Rgb::new(0.9, 0.8, 0.7), ..WHITE };

@@ -5,12 +5,29 @@
 //! integrals by Gaussian fits of the CIE observer.
 
 use std::f32::consts::{PI, TAU};
+use std::sync::LazyLock;
 
 use super::energy::schlick;
+use super::quadrature::gauss_legendre;
 use crate::math::Rgb;
 
-/// Directions from which a film is looked at to bound its reflectance.
-const LOOKS: [f32; 10] = [1.0, 0.96, 0.88, 0.78, 0.66, 0.53, 0.4, 0.27, 0.15, 0.06];
+/// Directions from which a film is looked at, enough for the colours of one of
+/// 2000 nm, and their weights in a mean over diffuse light (2μ dμ).
+static LOOKS: LazyLock<Vec<(f32, f32)>> = LazyLock::new(|| {
+    let look = |(x, weight): (f64, f64)| (x.powf(1.2) as f32, (2.4 * weight * x.powf(1.4)) as f32);
+    gauss_legendre(24).into_iter().map(look).collect()
+});
+
+/// A film's reflectance as f₀ of Schlick's (f₉₀ = 1), over all directions.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Survey {
+    /// The least f₀ above every channel everywhere.
+    pub most: f32,
+    /// The mean over diffuse light of the largest channel's.
+    pub mean: f32,
+    /// The mean of each channel.
+    pub colour: Rgb,
+}
 
 /// A thin film.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,19 +80,30 @@ impl Film {
         sum.clamp(Rgb::ZERO, Rgb::ONE)
     }
 
-    /// The least f₀ whose Schlick reflectance (f₉₀ = 1) lies above this one in
-    /// every channel, and the mean one of each channel.
-    pub(super) fn schlick_bound(&self, f0: Rgb) -> (f32, Rgb) {
-        let mut bound = 0.0f32;
-        let mut sum = Rgb::ZERO;
-        for cos in LOOKS {
+    /// The f₀ with which Schlick's reflectance (f₉₀ = 1) is that of the largest
+    /// channel at a cosine; below 1, so that what passes has no holes, in which a
+    /// density would find no sample.
+    pub(super) fn schlick_f0(&self, cos: f32, f0: Rgb) -> f32 {
+        let s = schlick(cos);
+        ((self.reflectance(cos, f0).max_element() - s) / (1.0 - s).max(1e-3)).clamp(0.0, 0.9996)
+    }
+
+    /// The film from all directions.
+    pub(super) fn survey(&self, f0: Rgb) -> Survey {
+        let (mut most, mut mean, mut all) = (0.0f32, 0.0, 0.0);
+        let mut colour = Rgb::ZERO;
+        for &(cos, weight) in LOOKS.iter() {
             let s = schlick(cos);
-            let f = (self.reflectance(cos, f0) - s) / (1.0 - s);
-            bound = bound.max(f.max_element());
-            sum += f.clamp(Rgb::ZERO, Rgb::ONE);
+            let f = (self.reflectance(cos, f0) - s) / (1.0 - s).max(1e-3);
+            let f = f.clamp(Rgb::ZERO, Rgb::ONE);
+            let weight = weight * (1.0 - s);
+            most = most.max(f.max_element());
+            mean += weight * f.max_element();
+            colour += f * weight;
+            all += weight;
         }
         // Between two looks it may rise a little more.
-        ((bound + 0.02).min(1.0), sum / LOOKS.len() as f32)
+        Survey { most: (most + 0.02).min(1.0), mean: mean / all, colour: colour / all }
     }
 }
 
@@ -123,7 +151,7 @@ mod tests {
         for thickness in [100.0, 400.0, 800.0] {
             let film = Film { ior: 1.3, thickness };
             let f0 = Rgb::splat(0.04);
-            let (bound, _) = film.schlick_bound(f0);
+            let bound = film.survey(f0).most;
             for i in 0..=200 {
                 let cos = 0.03 + 0.97 * i as f32 / 200.0;
                 let f = film.reflectance(cos, f0);

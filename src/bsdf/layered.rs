@@ -12,8 +12,13 @@
 //! same from both sides. A solid refracts by Walter et al. 2007 with Schlick's
 //! reflectance of the rarer side; its inside is the bare interface.
 //!
+//! All of it lies in one frame. Under a normal map that is the map's: a coat of
+//! another normal is cut off where the mapped base turns away, and dimmed by the
+//! map's terminator, though it has a normal of its own.
+//!
 //! Not free of loss: sheen (by the rule above), iridescence on a diffuse base
-//! (weighed by a bound of its colours), a coat on a solid seen from inside,
+//! (weighed by its brightest channel from that direction; from α = 0.1 up by a
+//! bound for all directions, which takes more), a coat on a solid seen from inside,
 //! a coat with an anisotropic base (up to 1 %).
 
 mod shares;
@@ -25,7 +30,7 @@ use super::BsdfSample;
 use super::energy::{ANISOTROPIC_GGX, GGX, Row, multiple, schlick};
 use super::energy_coat::{COAT_F0, COATS, coat_multiple};
 use super::energy_glass::{GlassMeans, GlassTable};
-use super::film::Film;
+use super::film::{Film, Survey};
 use super::fresnel::reflect;
 use super::mean;
 use super::metal_rough::Substance;
@@ -35,6 +40,11 @@ use super::rough_dielectric::{Refraction, refraction};
 use super::sheen::{sheen, uniform_hemisphere};
 use crate::math::{Frame, ONE_MINUS_EPSILON, Rgb, Vec2, Vec3};
 use crate::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
+
+/// The α from which facets mix the colours that a film has from all directions.
+const FILM_BLUR: f32 = 0.1;
+/// What the mean of what passes a film may be off by, of itself.
+const FILM_SLACK: f32 = 5e-3;
 
 /// What may lie on a glTF surface and what may pass through it; every part is
 /// absent at its default.
@@ -97,8 +107,10 @@ pub struct Layered<'a> {
     coat_row: Row,
     /// F̂ of the coat, and 1/(π⟨loss⟩).
     coat_multiple: (f32, f32),
-    /// Largest channel of the dielectric's reflectance, and its f₉₀.
+    /// Largest channel of the dielectric's reflectance from all directions, and its f₉₀.
     taken: (f32, f32),
+    /// How far, from 0 to 1, facets spread over the colours of a film.
+    blurred: f32,
     /// Schlick's f₀ and f₉₀ of dielectric and metal together, about.
     mixed: (Rgb, f32),
     /// F̂ of the dielectric's largest channel, and of the whole.
@@ -153,6 +165,7 @@ impl<'a> Layered<'a> {
             coat_row: Row::new(layers.clearcoat_roughness),
             coat_multiple: (0.0, 0.0),
             taken: (substance.f0.max_element(), substance.f90),
+            blurred: (stretched / FILM_BLUR).min(1.0),
             mixed: substance.schlick_terms(),
             multiple: (0.0, Rgb::ZERO),
             scale: (0.0, 0.0),
@@ -165,28 +178,31 @@ impl<'a> Layered<'a> {
 
     /// Fills in what does not depend on directions.
     fn compensate(&mut self) {
-        let Substance { base_color, metallic, f0, f90, .. } = self.substance;
+        let Substance { base_color, metallic, f0, mut f90, .. } = self.substance;
         let (mut dielectric, mut metal) = (f0, base_color);
+        let mut mean_f0 = self.taken.0;
         if self.layers.iridescence > 0.0 {
             let blend = |plain: Rgb, film: Rgb| plain + (film - plain) * self.layers.iridescence;
-            let (bound, colour) = self.layers.film.schlick_bound(f0 / f90.max(1e-6));
-            self.taken.0 = blend(Rgb::splat(self.taken.0), Rgb::splat(bound * f90)).x.max(self.taken.0);
-            dielectric = blend(f0, colour * f90);
-            metal = blend(base_color, self.layers.film.schlick_bound(base_color).1);
+            let Survey { most, mean, colour } = self.layers.film.survey(f0);
+            let mean = mean + (most - mean) * self.blurred;
+            mean_f0 += (mean - mean_f0) * self.layers.iridescence;
+            self.taken.0 += (most - self.taken.0) * self.layers.iridescence;
+            // At grazing angles a film reflects everything.
+            f90 += (1.0 - f90) * self.layers.iridescence;
+            self.taken.1 = f90;
+            self.mixed.1 = f90 * (1.0 - metallic) + metallic;
+            dielectric = blend(f0, colour);
+            metal = blend(base_color, self.layers.film.survey(base_color).colour);
             self.mixed.0 = dielectric * (1.0 - metallic) + metal * metallic;
         }
         let rough = self.substance.roughness;
-        let mut average = GGX.mean(rough);
-        if self.layers.anisotropy > 0.0 {
-            let loss = ANISOTROPIC_GGX.mean(self.roughness);
-            average.b *= (1.0 - loss) / (1.0 - average.loss);
-            average.loss = loss;
-        }
+        let average =
+            if self.layers.anisotropy > 0.0 { ANISOTROPIC_GGX.mean(self.roughness) } else { GGX.mean(rough) };
         let hat = multiple(dielectric, f90, average.loss);
         let bound = multiple(Rgb::splat(self.taken.0), self.taken.1, average.loss).x;
         self.multiple = (bound, hat * (1.0 - metallic) + multiple(metal, 1.0, average.loss) * metallic);
 
-        let (f0, f90) = self.taken;
+        let (f0, f90) = (mean_f0, self.taken.1);
         let c = self.layers.clearcoat;
         let (mut loss, mut passed) = (average.loss, 1.0 - f0 * average.a() - f90 * average.b);
         if c > 0.0 {
@@ -197,6 +213,7 @@ impl<'a> Layered<'a> {
             passed -= c * (means.coat - f0 * means.a - f90 * means.b);
         }
         passed -= bound * loss;
+        passed *= 1.0 + FILM_SLACK * self.layers.iridescence;
         self.scale = (FRAC_1_PI / loss.max(1e-9), FRAC_1_PI / passed.max(1e-9));
         if let Some(table) = self.solid {
             self.glass = table.means(rough, self.taken);
@@ -237,7 +254,8 @@ impl<'a> Layered<'a> {
         let Layers { iridescence, film, .. } = self.layers;
         if iridescence > 0.0 {
             if metallic < 1.0 {
-                let shine = film.reflectance(cos, f0 / f90.max(1e-6)) * f90;
+                // The strength of the reflection is in f₀, and does not weigh a film.
+                let shine = film.reflectance(cos, f0);
                 dielectric += (shine - dielectric) * iridescence;
             }
             if metallic > 0.0 {

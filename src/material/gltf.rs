@@ -16,7 +16,7 @@
 //! | `clearcoat_normal` | none | normal map of the coat; without it the coat is smooth even over a `normal` map |
 //! | `sheen_color`, `sheen_roughness` | 0 | sheen of cloth |
 //! | `anisotropy` | 0 | stretch of the highlight along the tangent |
-//! | `anisotropy_rotation` | 0 | turn of the tangent, radians, counter-clockwise |
+//! | `anisotropy_rotation` | 0 | turn of the tangent towards the bitangent (up in the image), radians |
 //! | `iridescence` | 0 | strength of a thin film |
 //! | `iridescence_ior` | 1.3 | its index (a number) |
 //! | `iridescence_thickness` | 400 | its thickness in nanometres |
@@ -138,7 +138,8 @@ impl Gltf {
         };
         let rotation = layers.anisotropy_rotation.eval_scalar(uv);
         if rotation != 0.0 {
-            let (sin, cos) = rotation.sin_cos();
+            // From the tangent towards the bitangent.
+            let (sin, cos) = (rotation * point.bitangent_sign()).sin_cos();
             let Frame { s, t, n } = lobe.frame;
             lobe.frame = Frame { s: s * cos + t * sin, t: t * cos - s * sin, n };
         }

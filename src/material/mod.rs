@@ -80,6 +80,13 @@ impl<'a> Point<'a> {
     pub fn coords(&self) -> Coords<'a> {
         Coords { uv: self.uv, attributes: self.attributes }
     }
+
+    /// 1 where glTF's bitangent lies along the frame's `t`, −1 where it lies
+    /// against it: v runs down the image, so it points against ∂p/∂v.
+    #[must_use]
+    pub fn bitangent_sign(&self) -> f32 {
+        if self.frame.t.dot(self.dpdv) > 0.0 { -1.0 } else { 1.0 }
+    }
 }
 
 impl Material {

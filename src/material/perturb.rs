@@ -65,9 +65,7 @@ impl Perturbation {
             Map::Normal(texture) => texture.eval(point.coords()) * 2.0 - Vec3::ONE,
             Map::Tangent(texture, scale) => {
                 let n = texture.eval(point.coords()) * 2.0 - Vec3::ONE;
-                // v runs down the image: up is against ∂p/∂v.
-                let up = if point.frame.t.dot(point.dpdv) > 0.0 { -1.0 } else { 1.0 };
-                Vec3::new(n.x * scale, n.y * scale * up, n.z)
+                Vec3::new(n.x * scale, n.y * scale * point.bitangent_sign(), n.z)
             }
             Map::Bump(texture, scale) => {
                 let gradient = Vec2::from(texture.gradient(point.coords())) * *scale;

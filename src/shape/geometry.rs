@@ -444,7 +444,8 @@ impl Geometry {
         }
     }
 
-    /// The interpolated tangent of the mesh and its bitangent, as long as
+    /// The interpolated tangent of the mesh and the reverse of its bitangent
+    /// (glTF's v runs down the image, and a bitangent points up), as long as
     /// ∂p/∂u and ∂p/∂v are; those where the tangents cancel.
     #[cold]
     fn own_tangents(
@@ -458,7 +459,7 @@ impl Geometry {
         let sum = a * weights[0] + b * weights[1] + c * weights[2];
         match direction(sum.truncate()) {
             Some(t) => {
-                let side = if sum.w < 0.0 { -1.0 } else { 1.0 };
+                let side = if sum.w < 0.0 { 1.0 } else { -1.0 };
                 [t * dpdu.length(), ns.cross(t) * (side * dpdv.length())]
             }
             None => [dpdu, dpdv],

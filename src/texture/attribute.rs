@@ -21,7 +21,8 @@ impl Attribute {
     }
 }
 
-/// Most attributes that the textures of a scene may name.
+/// Most attributes that the textures of a scene may name: colours of glTF
+/// vertices, their alpha, and each further set of texture coordinates are one.
 pub const MAX_ATTRIBUTES: usize = 4;
 
 /// The attributes of a point, by slot.

@@ -1,7 +1,7 @@
 //! What the layers of a glTF surface do at one direction, its wide lobes, and
 //! with which probability each lobe is sampled.
 
-use super::{Layered, ONE_MINUS_EPSILON, WAYS, Way};
+use super::{Layered, Layers, ONE_MINUS_EPSILON, WAYS, Way};
 use crate::bsdf::energy::{ANISOTROPIC_GGX, GGX, Split, schlick};
 use crate::bsdf::energy_coat::{COAT_F0, COATS};
 use crate::bsdf::mean;
@@ -14,6 +14,8 @@ pub(super) struct View {
     pub outside: bool,
     /// The specular lobe of the base, without compensation.
     split: Split,
+    /// f₀ of the largest channel of what it takes from the base.
+    f0: f32,
     /// What the coat takes, its weight included.
     coat: f32,
     /// Loss of the coat's own first bounce.
@@ -71,11 +73,12 @@ impl Layered<'_> {
         let split = if self.distribution.is_delta() {
             Split { loss: 0.0, b: schlick(w.z) }
         } else if self.layers.anisotropy > 0.0 {
-            GGX.with_loss(w.z, self.row, ANISOTROPIC_GGX.loss(w, self.roughness))
+            ANISOTROPIC_GGX.at(w, self.roughness)
         } else {
             GGX.at(w.z, self.row)
         };
-        let mut view = View { outside, split, ratio: (1.0, 1.0), ..View::default() };
+        let mut view =
+            View { outside, split, f0: self.taken_from(w.z), ratio: (1.0, 1.0), ..View::default() };
         if let Some(table) = self.solid
             && !self.distribution.is_delta()
         {
@@ -106,6 +109,18 @@ impl Layered<'_> {
         view
     }
 
+    /// f₀ of the largest channel of the dielectric's reflectance from a direction.
+    fn taken_from(&self, cos: f32) -> f32 {
+        let Layers { iridescence, film, .. } = self.layers;
+        if !(iridescence > 0.0 && self.blurred < 1.0 && self.substance.metallic < 1.0) {
+            return self.taken.0;
+        }
+        let plain = self.substance.f0;
+        let here = film.schlick_f0(cos, plain) - plain.max_element();
+        let here = plain.max_element() + here * iridescence;
+        here + (self.taken.0 - here) * self.blurred
+    }
+
     /// L: what the specular part loses for good to more than one bounce.
     fn lost(&self, v: &View) -> f32 {
         let kept = v.split.a() * v.ratio.0 + v.split.b * v.ratio.1;
@@ -114,7 +129,7 @@ impl Layered<'_> {
 
     /// T: what coat and specular part leave for the base.
     fn passed(&self, v: &View, lost: f32) -> f32 {
-        let (f0, f90) = self.taken;
+        let (f0, f90) = (v.f0, self.taken.1);
         let a = f0 * v.split.a() * (1.0 - v.coat * v.ratio.0);
         let b = f90 * v.split.b * (1.0 - v.coat * v.ratio.1);
         (1.0 - v.coat - a - b - self.multiple.0 * lost).max(0.0)

@@ -23,7 +23,7 @@ impl Packed {
         let Some(draco) = &primitive.extensions.draco else { return Ok(None) };
         let place = format!("{place}.extensions.KHR_draco_mesh_compression");
         let (bytes, _) = source.view(draco.buffer_view, &place)?;
-        let limits = DecodeLimits::default().with_max_decoded_bytes(CAP);
+        let limits = DecodeLimits::default().with_max_decoded_bytes(source.budget.left().min(CAP));
         let mesh = guarded(|| {
             let mut mesh = Mesh::new();
             MeshDecoder::new()
@@ -34,6 +34,11 @@ impl Packed {
         .map_err(|e| fail(&place, format!("cannot be decoded: {e}")))?;
         source.budget.take((mesh.num_faces() * 12 + mesh.num_points() * 12) as u64, &place)?;
         Ok(Some(Packed { mesh }))
+    }
+
+    /// Vertices, after decoding.
+    pub fn points(&self) -> usize {
+        self.mesh.num_points()
     }
 
     /// The vertex indices of all triangles.

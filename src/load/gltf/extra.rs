@@ -2,15 +2,18 @@
 
 use super::json::{Anisotropy, Iridescence, MaterialExtensions, Volume};
 use super::material::Bsdf;
-use super::texture::Use;
+use super::texture::{Recipe, Use};
 use crate::desc::Value;
 
-/// Adds what the extensions of a material ask for.
+/// Adds what the extensions of a material ask for. The older
+/// `KHR_materials_pbrSpecularGlossiness` has a specular colour of its own: where
+/// it is there, index and specular extension do not count.
 pub fn extensions(bsdf: &mut Bsdf, ext: &MaterialExtensions) {
-    if let Some(ior) = ext.ior.as_ref().and_then(|e| e.ior) {
+    let old = ext.specular_glossiness.is_some();
+    if let Some(ior) = ext.ior.as_ref().filter(|_| !old).and_then(|e| e.ior) {
         index(bsdf, ior);
     }
-    if let Some(e) = &ext.specular {
+    if let Some(e) = ext.specular.as_ref().filter(|_| !old) {
         let factor = bsdf.unit("specularFactor", e.specular_factor.unwrap_or(1.0));
         bsdf.number("specular", factor, e.specular_texture.as_ref(), "a");
         let color = e.specular_color_factor.unwrap_or([1.0; 3]).map(|c| c.max(0.0));
@@ -95,8 +98,7 @@ fn volume(bsdf: &mut Bsdf, volume: &Volume) {
 fn anisotropy(bsdf: &mut Bsdf, e: &Anisotropy) {
     let strength = bsdf.unit("anisotropyStrength", e.anisotropy_strength);
     bsdf.number("anisotropy", strength, e.anisotropy_texture.as_ref(), "b");
-    let turned = e.anisotropy_rotation as f32;
-    let angle = |c: [f32; 4]| turned + (c[1] * 2.0 - 1.0).atan2(c[0] * 2.0 - 1.0);
+    let angle = Recipe::Angle { turned: e.anisotropy_rotation };
     let baked = e
         .anisotropy_texture
         .as_ref()
@@ -121,8 +123,7 @@ fn iridescence(bsdf: &mut Bsdf, e: &Iridescence) {
         if least == 0.0 {
             return bsdf.images.texture(bsdf.objects, bsdf.source, info, Use::channel("g", most));
         }
-        let between = |c: [f32; 4]| (least + (most - least) * f64::from(c[1])) as f32;
-        bsdf.images.baked(bsdf.objects, bsdf.source, info, between)
+        bsdf.images.baked(bsdf.objects, bsdf.source, info, Recipe::Between { least, most })
     });
     bsdf.params.push(("iridescence_thickness", texture.unwrap_or(Value::Float(most))));
 }

@@ -278,6 +278,7 @@ impl Reader<'_> {
                 _ => 1,
             };
             let width = width.unwrap_or(found);
+            self.source.budget.take(packed.points() as u64 * width as u64 * 4, &place)?;
             let values = packed.attribute(id, width, accessor.normalized);
             let values =
                 values.ok_or_else(|| fail(&place, format!("the compressed data has no attribute {id}")))?;

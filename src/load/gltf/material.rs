@@ -7,7 +7,7 @@ use super::geometry::Needs;
 use super::json::{Material, SpecularGlossiness, TextureInfo};
 use super::objects::Objects;
 use super::source::Source;
-use super::texture::{Images, Scale, Use, has_alpha, textures_of, uv_set};
+use super::texture::{Images, Recipe, Scale, Use, has_alpha, textures_of, uv_set};
 use super::{extra, fail};
 use crate::desc::{Category, ObjectId, Pos, Result, Value};
 
@@ -31,8 +31,8 @@ pub struct VertexColor {
 
 /// Turns materials into objects, each once for each kind of vertex colours.
 pub struct Materials<'a> {
-    source: &'a Source,
-    images: Images,
+    pub(super) source: &'a Source,
+    pub(super) images: Images,
     known: HashMap<(Option<usize>, VertexColor), Look>,
 }
 
@@ -51,12 +51,8 @@ pub fn needs(material: Option<&Material>) -> Needs {
     Needs { tangents, uv_sets, alpha: mode(material) != "OPAQUE" }
 }
 
-/// True if a material gives light of its own.
-pub fn glows(material: Option<&Material>) -> bool {
-    material.is_some_and(|m| m.extensions.unlit.is_some() || m.emissive_factor.iter().any(|c| *c > 0.0))
-}
-
-fn mode(material: &Material) -> &str {
+/// `alphaMode`.
+pub(super) fn mode(material: &Material) -> &str {
     material.alpha_mode.as_deref().unwrap_or("OPAQUE")
 }
 
@@ -71,7 +67,8 @@ pub struct Bsdf<'m> {
 }
 
 impl Bsdf<'_> {
-    /// A number, times one channel of a texture if there is one.
+    /// A number, times one channel of a texture if there is one. An alpha that
+    /// an image does not have is 1.
     pub fn number(
         &mut self,
         name: &'static str,
@@ -79,7 +76,11 @@ impl Bsdf<'_> {
         texture: Option<&TextureInfo>,
         channel: &'static str,
     ) {
-        let textured = texture.filter(|_| factor != 0.0).and_then(|info| {
+        let texture = texture.filter(|info| {
+            factor != 0.0
+                && (channel != "a" || self.images.image(self.source, info).is_some_and(|i| has_alpha(i)))
+        });
+        let textured = texture.and_then(|info| {
             self.images.texture(self.objects, self.source, info, Use::channel(channel, factor))
         });
         self.params.push((name, textured.unwrap_or(Value::Float(factor))));
@@ -136,16 +137,20 @@ impl<'a> Materials<'a> {
             return Err(fail(&place, format!("`alphaMode` `{}` is unknown", mode(material))));
         }
         let look = if material.extensions.unlit.is_some() {
-            self.unlit(objects, (material, &place, pos), vertex)
+            let (bsdf, emitter) = self.unlit(objects, (material, &place, pos), vertex);
+            Look { bsdf, emitter }
         } else {
             Look {
                 bsdf: self.surface(objects, (material, &place, pos), vertex),
-                emitter: self.emission(objects, material, &place, pos),
+                emitter: self.emission(objects, (material, &place, pos), vertex),
             }
         };
         let bsdf = self.cut_out(objects, (material, &place, pos), vertex, look.bsdf);
         if let Some(name) = Some(&material.name).filter(|n| !n.is_empty()) {
             objects.name(bsdf, name.clone());
+        }
+        if let Some(error) = self.images.failed() {
+            return Err(error);
         }
         let look = Look { bsdf, ..look };
         self.known.insert((index, vertex), look);
@@ -181,73 +186,6 @@ impl<'a> Materials<'a> {
         objects.add(Category::Bsdf, "gltf", pos, params)
     }
 
-    /// Light that the surface gives off. Area lights shine on the front only.
-    fn emission(
-        &mut self,
-        objects: &mut Objects,
-        material: &Material,
-        place: &str,
-        pos: Pos,
-    ) -> Option<ObjectId> {
-        if !glows(Some(material)) {
-            return None;
-        }
-        let strength = material.extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength);
-        let factor = material.emissive_factor.map(|c| c.max(0.0) * strength.unwrap_or(1.0).max(0.0));
-        if factor == [0.0; 3] {
-            return None;
-        }
-        if material.double_sided {
-            objects.warn(place, "glows on its front only, though it is double-sided");
-        }
-        let texture = material.emissive_texture.as_ref().filter(|info| {
-            let first = uv_set(info) == 0;
-            if !first {
-                objects.warn(
-                    place,
-                    "glows without its texture, which is laid out by a second set of coordinates",
-                );
-            }
-            first
-        });
-        let textured =
-            texture.and_then(|info| self.images.texture(objects, self.source, info, Use::color(factor)));
-        let radiance = textured.unwrap_or(Value::Rgb(factor));
-        Some(objects.add(Category::Emitter, "area", pos, vec![("radiance", radiance)]))
-    }
-
-    /// `KHR_materials_unlit`: the base colour is what the camera is to see, so it
-    /// becomes radiance on a surface that reflects nothing. Unlike in a
-    /// rasteriser other surfaces are lit by it.
-    fn unlit(
-        &mut self,
-        objects: &mut Objects,
-        (material, place, pos): (&Material, &str, Pos),
-        vertex: VertexColor,
-    ) -> Look {
-        let pbr = &material.pbr_metallic_roughness;
-        let [r, g, b, _] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|c| c.max(0.0));
-        let texture = pbr.base_color_texture.as_ref().filter(|info| uv_set(info) == 0);
-        let textured =
-            texture.and_then(|info| self.images.texture(objects, self.source, info, Use::color([r, g, b])));
-        let radiance = match (textured, vertex.rgb) {
-            (Some(texture), colored) => {
-                if colored {
-                    objects.warn(place, "is unlit: its texture is shown without the colours of the vertices");
-                }
-                texture
-            }
-            (None, true) => {
-                objects.warn(place, "is unlit: it is shown without the colours of the vertices");
-                Value::Rgb([r, g, b])
-            }
-            (None, false) => Value::Rgb([r, g, b]),
-        };
-        let bsdf = objects.add(Category::Bsdf, "diffuse", pos, vec![("reflectance", Value::Rgb([0.0; 3]))]);
-        let emitter = objects.add(Category::Emitter, "area", pos, vec![("radiance", radiance)]);
-        Look { bsdf, emitter: Some(emitter) }
-    }
-
     /// The bsdf within what its alpha lets through.
     fn cut_out(
         &mut self,
@@ -259,23 +197,14 @@ impl<'a> Materials<'a> {
         if mode(material) == "OPAQUE" {
             return inner;
         }
-        let old = material.extensions.specular_glossiness.as_ref();
-        let pbr = &material.pbr_metallic_roughness;
-        let factor = old.map_or(pbr.base_color_factor, |o| o.diffuse_factor).unwrap_or([1.0; 4])[3];
-        let factor = factor.clamp(0.0, 1.0);
-        let texture = old.map_or(pbr.base_color_texture.as_ref(), |o| o.diffuse_texture.as_ref());
-        let texture =
-            texture.filter(|info| self.images.image(self.source, info).is_some_and(|i| has_alpha(i)));
-        let blend = mode(material) == "BLEND";
-        let cutoff = material.alpha_cutoff.unwrap_or(0.5);
-        let cut = |alpha: f64| if alpha >= cutoff { 1.0 } else { 0.0 };
+        let opacity = self.opacity(material);
         let mut bsdf = inner;
         let mut within = |objects: &mut Objects, opacity: Value| {
             let params = vec![("opacity", opacity), ("", Value::Object(bsdf))];
             bsdf = objects.add(Category::Bsdf, "mask", pos, params);
         };
         if vertex.alpha {
-            if !blend {
+            if mode(material) == "MASK" {
                 objects.warn(place, "the alpha of its vertices blends instead of cutting it out");
             }
             // Two masks within each other multiply.
@@ -283,17 +212,15 @@ impl<'a> Materials<'a> {
             let opacity = objects.add(Category::Texture, "mesh_attribute", pos, params);
             within(objects, Value::Object(opacity));
         }
-        let opacity = match texture {
-            Some(info) if blend => self.images.texture(objects, self.source, info, Use::channel("a", factor)),
+        let textured = opacity.texture.and_then(|info| match opacity.recipe {
+            Recipe::Blend { factor } => {
+                self.images.texture(objects, self.source, info, Use::channel("a", factor))
+            }
             // The cut is made in the texels, so that the mask is 0 or 1 at
             // their centres.
-            Some(info) => {
-                let make = |c: [f32; 4]| cut(f64::from(c[3]) * factor) as f32;
-                self.images.baked(objects, self.source, info, make)
-            }
-            None => None,
-        };
-        let opacity = opacity.unwrap_or(Value::Float(if blend { factor } else { cut(factor) }));
+            cut => self.images.baked(objects, self.source, info, cut),
+        });
+        let opacity = textured.unwrap_or(Value::Float(opacity.constant()));
         if !matches!(opacity, Value::Float(1.0)) {
             within(objects, opacity);
         }
@@ -332,7 +259,7 @@ fn specular_glossiness(bsdf: &mut Bsdf, old: &SpecularGlossiness) {
     let diffuse = bsdf.unit_color("diffuseFactor", [r, g, b]);
     bsdf.color("base_color", diffuse.map(|c| c * through), old.diffuse_texture.as_ref());
     bsdf.params.push(("metallic", Value::Float(0.0)));
-    let rough = |c: [f32; 4]| 1.0 - c[3] * glossiness as f32;
+    let rough = Recipe::Rough { glossiness };
     let roughness = texture.and_then(|info| bsdf.images.baked(bsdf.objects, bsdf.source, info, rough));
     bsdf.params.push(("roughness", roughness.unwrap_or(Value::Float(1.0 - glossiness))));
     bsdf.color("specular_color", specular.map(|c| c * 25.0), texture);

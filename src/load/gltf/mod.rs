@@ -14,6 +14,7 @@ mod accessor;
 mod camera;
 mod deform;
 mod draco;
+mod emission;
 mod extra;
 mod geometry;
 mod json;
@@ -70,7 +71,6 @@ const SILENT: &[&str] = &[
     "EXT_structural_metadata",
     "MSFT_packing_normalRoughnessMetallic",
     "MSFT_packing_occlusionRoughnessMetallic",
-    "KHR_mesh_primitive_restart",
 ];
 
 /// What is lost with some others.
@@ -81,6 +81,7 @@ const LOST: &[(&str, &str)] = &[
     ("KHR_gaussian_splatting", "splats"),
     ("KHR_materials_subsurface", "light within materials"),
     ("KHR_materials_volume_scatter", "light scattered within materials"),
+    ("KHR_mesh_primitive_restart", "strips and fans in several pieces"),
     ("KHR_node_visibility", "what hides nodes"),
     ("KHR_techniques_webgl", "its shaders"),
     ("KHR_meshopt_compression", "compressed meshes, where there is no fallback"),

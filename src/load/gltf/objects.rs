@@ -2,7 +2,7 @@
 //! place in its JSON instead of a line; such places stand in the list of files,
 //! so that messages read `scene.glb: materials[3]: …`.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use crate::desc::{Category, Image, Mesh, Object, ObjectId, Param, Pos, SceneDesc, Value};
@@ -13,12 +13,15 @@ pub struct Objects {
     /// What they make up.
     pub desc: SceneDesc,
     places: HashMap<String, u32>,
+    /// Warnings so far.
+    warned: HashSet<String>,
 }
 
 impl Objects {
     /// Only the scene object.
     pub fn new(file: &str) -> Objects {
-        let mut objects = Objects { desc: SceneDesc::default(), places: HashMap::new() };
+        let mut objects =
+            Objects { desc: SceneDesc::default(), places: HashMap::new(), warned: HashSet::new() };
         objects.desc.files.push(file.to_string());
         objects.desc.root = objects.add(Category::Scene, "scene", Pos::default(), Vec::new());
         objects
@@ -77,7 +80,7 @@ impl Objects {
     /// Something the user should know, once.
     pub fn warn(&mut self, place: &str, message: &str) {
         let warning = format!("{}: {place}: {message}", self.desc.files[0]);
-        if !self.desc.warnings.contains(&warning) {
+        if self.warned.insert(warning.clone()) {
             self.desc.warnings.push(warning);
         }
     }

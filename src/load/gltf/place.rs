@@ -4,6 +4,9 @@ use super::motion::{Stage, TOLERANCE};
 use crate::desc::Value;
 use crate::math::{DMat4, DVec3, Motion, Transform};
 
+/// The size that is left of what a motion scales to nothing.
+const VANISHED: f64 = 1e-6;
+
 /// Where something stands, at one or several times.
 #[derive(Clone, Debug)]
 pub enum Placement {
@@ -65,10 +68,22 @@ pub fn follow(
         let between = motion.at(s).matrix;
         points.iter().any(|p| between.transform_point3(*p).distance(truth.transform_point3(*p)) > allowed)
     };
-    let keys: Vec<(f64, Transform)> = stage
-        .sampled(at, off)
-        .into_iter()
-        .filter_map(|(time, m)| Some((time, Transform::from_matrix(m).filter(solid)?)))
+    let poses = stage.sampled(at, off);
+    let keys: Vec<Option<Transform>> =
+        poses.iter().map(|(_, m)| Transform::from_matrix(*m).filter(solid)).collect();
+    // A key where nothing is left is next to nothing of its neighbour: a motion
+    // without it would stay at the size it had.
+    let vanished = |i: usize| {
+        let before = keys[..i].iter().rev().find_map(|k| *k);
+        let near = before.or_else(|| keys[i..].iter().find_map(|k| *k))?;
+        let mut matrix = near.matrix * DMat4::from_scale(DVec3::splat(VANISHED));
+        matrix.w_axis = poses[i].1.w_axis;
+        Transform::from_matrix(matrix).filter(solid)
+    };
+    let keys: Vec<(f64, Transform)> = poses
+        .iter()
+        .enumerate()
+        .filter_map(|(i, (time, _))| Some((*time, keys[i].or_else(|| vanished(i))?)))
         .collect();
     let motion = Motion::new(&keys)?;
     Some(motion.as_still().map_or(Placement::Moving(motion), Placement::Still))
@@ -88,13 +103,14 @@ pub fn corners(low: DVec3, high: DVec3) -> Vec<DVec3> {
     (0..8).map(|i| DVec3::new(pick(i, 0), pick(i, 1), pick(i, 2))).collect()
 }
 
-/// The rotation of a matrix without its scale, and its translation: where a
-/// light or a camera of a node is.
+/// Where a light or a camera of a node is: the translation of a matrix and its
+/// orientation without scale. What is seen along −z stays exactly there, as a
+/// scale counts only in where the axes of a child point.
 pub fn rigid(m: DMat4) -> DMat4 {
-    let x = m.x_axis.truncate().normalize_or(DVec3::X);
+    let z = m.z_axis.truncate().normalize_or(DVec3::Z);
     let y = m.y_axis.truncate();
-    let y = (y - x * x.dot(y)).normalize_or(x.any_orthonormal_vector());
-    // glTF looks along −z; a mirrored node mirrors what its camera sees.
-    let z = x.cross(y) * if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+    let y = (y - z * z.dot(y)).normalize_or(z.any_orthonormal_vector());
+    // A mirrored node mirrors what its camera sees.
+    let x = y.cross(z) * if m.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), m.w_axis)
 }

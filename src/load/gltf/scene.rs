@@ -303,6 +303,11 @@ impl Builder<'_> {
         let (alone, grouped): (Vec<Shape>, Vec<Shape>) =
             made.into_iter().partition(|shape| placed.len() < 2 || shape.look.emitter.is_some());
         for mut shape in alone {
+            // What glows is there as often as it is placed.
+            let mesh_of = &self.objects.desc.meshes[shape.mesh as usize];
+            let bytes = (mesh_of.positions.len() * 32 + mesh_of.triangles.len() * 12) as u64;
+            let more = placed.len().saturating_sub(1) as u64;
+            self.source.budget.take(bytes.saturating_mul(more), &shape.place)?;
             for (node, placement) in &placed {
                 self.extend(&shape, placement);
                 let object = self.shape(&mut shape, Some(placement));
@@ -347,7 +352,13 @@ impl Builder<'_> {
 
     /// A `<shape type="mesh">`, in the world or, without a place, in a group.
     fn shape(&mut self, shape: &mut Shape, placement: Option<&Placement>) -> ObjectId {
-        let flips = placement.is_some_and(|p| p.first().determinant() < 0.0);
+        // What moves or bends is placed as an instance, whose front a mirroring
+        // transform leaves in front.
+        let bends = self.objects.desc.meshes[shape.mesh as usize].deformation.len() > 1;
+        let flips = match placement {
+            Some(Placement::Still(t)) => !bends && t.determinant() < 0.0,
+            _ => false,
+        };
         let mesh = if flips { self.mirrored(shape) } else { shape.mesh };
         let flat = self.objects.desc.meshes[mesh as usize].normals.is_empty();
         let mut params = vec![("mesh", Value::Mesh(mesh))];
@@ -368,8 +379,8 @@ impl Builder<'_> {
         self.objects.add(Category::Shape, "mesh", pos, params)
     }
 
-    /// The mesh wound the other way round: a mirroring transform turns the
-    /// winding, and glTF means the front to stay in front.
+    /// The mesh wound the other way round: a mirroring transform of a shape that
+    /// stands still turns the winding, and glTF means the front to stay in front.
     fn mirrored(&mut self, shape: &mut Shape) -> u32 {
         if let Some(mesh) = shape.mirrored {
             return mesh;

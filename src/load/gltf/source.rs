@@ -31,6 +31,11 @@ impl Budget {
         Budget { left: AtomicU64::new(bytes), whole: bytes }
     }
 
+    /// Bytes that may still be decoded.
+    pub fn left(&self) -> u64 {
+        self.left.load(Ordering::Relaxed)
+    }
+
     /// Takes from it; an error when there is not enough left.
     pub fn take(&self, bytes: u64, place: &str) -> Result<()> {
         let taken =
@@ -121,7 +126,11 @@ impl Source {
         for (i, buffer) in self.root.buffers.iter().enumerate() {
             let place = format!("buffers[{i}]");
             let bytes = match &buffer.uri {
-                Some(uri) => Some(self.fetch(uri, FILE_CAP, &format!("{place}.uri"))?),
+                Some(uri) => {
+                    let bytes = self.fetch(uri, FILE_CAP, &format!("{place}.uri"))?;
+                    self.budget.take(bytes.len() as u64, &place)?;
+                    Some(bytes)
+                }
                 None if i == 0 && chunk.is_some() => chunk.take(),
                 None if buffer.extensions.meshopt.fallback => None,
                 None if self.stands_in(i) => None,

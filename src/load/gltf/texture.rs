@@ -15,6 +15,7 @@ use super::geometry::uv_attribute;
 use super::json::{Material, TextureInfo};
 use super::objects::Objects;
 use super::source::{Budget, Source, wrap};
+use crate::color::srgb_to_linear;
 use crate::desc::{Category, Error, Image, Pixels, Pos, Result, SceneDesc, Value};
 use crate::math::{DMat4, DVec4, Transform};
 
@@ -54,11 +55,15 @@ impl Use {
 }
 
 /// The images that the materials in use read.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Images {
     decoded: HashMap<usize, Arc<Image>>,
     /// Where each is in the scene description, once something shows it.
     attached: HashMap<usize, u32>,
+    /// Those made of others: of whose colours, of whose alpha, by which recipe.
+    made: HashMap<(Option<usize>, usize, String), u32>,
+    budget: Budget,
+    failed: Option<Error>,
 }
 
 /// All textures of a material that a path tracer reads. (Occlusion is what it
@@ -166,16 +171,16 @@ impl Images {
         let budget = Budget::new(options.max_image_bytes.saturating_mul(ALL_IMAGES));
         let decoded: Vec<(usize, Result<Image>)> =
             wanted.into_par_iter().map(|index| (index, decode(source, index, options, &budget))).collect();
-        let mut images = Images::default();
+        let mut images = HashMap::new();
         for (index, result) in decoded {
             match result {
                 Ok(image) => {
-                    images.decoded.insert(index, Arc::new(image));
+                    images.insert(index, Arc::new(image));
                 }
                 Err(error) => missing(scene, error)?,
             }
         }
-        Ok(images)
+        Ok(Images { decoded: images, attached: HashMap::new(), made: HashMap::new(), budget, failed: None })
     }
 
     /// The pixels that a texture shows.
@@ -199,28 +204,138 @@ impl Images {
         Some(bitmap(objects, source, info, usage, image))
     }
 
-    /// As [`Images::texture`], of an image made for it: `make` is called with
-    /// the channels of every texel, 1 = white, and gives the only channel of
-    /// the new image.
+    /// As [`Images::texture`], of an image of one channel that is made for it,
+    /// once for each recipe.
     pub fn baked(
-        &self,
+        &mut self,
         objects: &mut Objects,
         source: &Source,
         info: &TextureInfo,
-        make: impl Fn([f32; 4]) -> f32,
+        recipe: Recipe,
     ) -> Option<Value> {
-        let image = self.image(source, info)?;
-        let texels = (0..image.width as usize * image.height as usize).map(|i| make(texel(image, i)));
-        let baked = Image {
-            width: image.width,
-            height: image.height,
-            channels: 1,
-            pixels: Pixels::F32(texels.collect()),
-            name: image.name.clone(),
-        };
-        let name = baked.name.clone();
-        let id = objects.image(Arc::new(baked));
-        Some(bitmap(objects, source, info, Use::channel("r", 1.0), (id, name)))
+        let index = image_of(source, info.index, "", &mut Vec::new()).ok()??;
+        let image = self.decoded.get(&index)?.clone();
+        let count = image.width as usize * image.height as usize;
+        let made =
+            self.made((None, index, format!("{recipe:?}")), objects, (&image, 1, recipe.size()), || {
+                let texels = (0..count).map(|i| recipe.make(texel(&image, i)));
+                match recipe {
+                    Recipe::Cut { .. } => Pixels::U8(texels.map(|v| (v * 255.0) as u8).collect()),
+                    _ => Pixels::F32(texels.collect()),
+                }
+            })?;
+        Some(bitmap(objects, source, info, Use::channel("r", 1.0), made))
+    }
+
+    /// Colours (white without a texture) times what a recipe makes of the alpha
+    /// of another texture, times a factor; `None` where the two are not laid out
+    /// alike.
+    pub fn weighed(
+        &mut self,
+        objects: &mut Objects,
+        source: &Source,
+        (color, alpha): (Option<&TextureInfo>, &TextureInfo),
+        (recipe, factor): (Recipe, [f64; 3]),
+    ) -> Option<Value> {
+        let index = |info: &TextureInfo| image_of(source, info.index, "", &mut Vec::new()).ok()?;
+        let opaque = self.decoded.get(&index(alpha)?)?.clone();
+        let colors = color.and_then(|info| self.decoded.get(&index(info)?)).cloned();
+        let layout =
+            |info: &TextureInfo| (to_uv(info), source.root.textures[info.index].sampler, uv_set(info));
+        let alike = color.is_none_or(|info| layout(info) == layout(alpha))
+            && colors.as_ref().is_none_or(|c| (c.width, c.height) == (opaque.width, opaque.height));
+        if !alike {
+            return None;
+        }
+        let key = (color.and_then(index), index(alpha)?, format!("{recipe:?}"));
+        let count = opaque.width as usize * opaque.height as usize;
+        let made = self.made(key, objects, (&opaque, 3, 4), || {
+            let of = |i: usize| {
+                let share = recipe.make(texel(&opaque, i));
+                let c = colors.as_ref().map_or([1.0; 4], |image| linear(image, i));
+                [c[0] * share, c[1] * share, c[2] * share]
+            };
+            Pixels::F32((0..count).flat_map(of).collect())
+        })?;
+        Some(bitmap(objects, source, color.unwrap_or(alpha), Use::color(factor), made))
+    }
+
+    /// An image made of others, as large as `like`, unless it is there already;
+    /// `None` where that is more than all images may take.
+    fn made(
+        &mut self,
+        key: (Option<usize>, usize, String),
+        objects: &mut Objects,
+        (like, channels, size): (&Image, u32, u64),
+        pixels: impl FnOnce() -> Pixels,
+    ) -> Option<(u32, String)> {
+        if let Some(id) = self.made.get(&key) {
+            return Some((*id, like.name.clone()));
+        }
+        let bytes = u64::from(like.width) * u64::from(like.height) * u64::from(channels) * size;
+        if let Err(error) = self.budget.take(bytes, &format!("images[{}]", key.1)) {
+            self.failed.get_or_insert(error);
+            return None;
+        }
+        let Image { width, height, .. } = *like;
+        let image = Image { width, height, channels, pixels: pixels(), name: like.name.clone() };
+        let id = objects.image(Arc::new(image));
+        self.made.insert(key, id);
+        Some((id, like.name.clone()))
+    }
+
+    /// What went wrong with an image that was to be made, once.
+    pub fn failed(&mut self) -> Option<Error> {
+        self.failed.take()
+    }
+}
+
+/// What is made of a texel.
+#[derive(Clone, Copy, Debug)]
+pub enum Recipe {
+    /// Opacity 0 or 1: whether alpha times a factor reaches the cutoff.
+    Cut { factor: f64, cutoff: f64 },
+    /// Opacity: alpha times a factor.
+    Blend { factor: f64 },
+    /// Roughness: one less alpha times the glossiness.
+    Rough { glossiness: f64 },
+    /// The angle of the direction in red and green, plus another.
+    Angle { turned: f64 },
+    /// A number between two, by the green.
+    Between { least: f64, most: f64 },
+}
+
+impl Recipe {
+    /// The opacity at an alpha; 1 of what is no opacity.
+    pub fn opacity(self, alpha: f64) -> f64 {
+        match self {
+            Recipe::Cut { factor, cutoff } => f64::from(u8::from(alpha * factor >= cutoff)),
+            Recipe::Blend { factor } => alpha * factor,
+            _ => 1.0,
+        }
+    }
+
+    fn make(self, c: [f32; 4]) -> f32 {
+        match self {
+            Recipe::Cut { .. } | Recipe::Blend { .. } => self.opacity(f64::from(c[3])) as f32,
+            Recipe::Rough { glossiness } => 1.0 - c[3] * glossiness as f32,
+            Recipe::Angle { turned } => turned as f32 + (c[1] * 2.0 - 1.0).atan2(c[0] * 2.0 - 1.0),
+            Recipe::Between { least, most } => (least + (most - least) * f64::from(c[1])) as f32,
+        }
+    }
+
+    /// Bytes that one takes.
+    fn size(self) -> u64 {
+        if matches!(self, Recipe::Cut { .. }) { 1 } else { 4 }
+    }
+}
+
+/// A texel as a colour: integers are stored in sRGB.
+fn linear(image: &Image, index: usize) -> [f32; 4] {
+    let [r, g, b, a] = texel(image, index);
+    match image.pixels {
+        Pixels::F32(_) => [r, g, b, a],
+        _ => [srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b), a],
     }
 }
 
@@ -335,10 +450,16 @@ fn decode(source: &Source, index: usize, options: &LoadOptions, budget: &Budget)
         return Err(fail(&place, "is a KTX image, which is not decoded").hint("convert it to PNG or JPEG"));
     }
     let limits = image_file::Limits { bytes: options.max_image_bytes, tga: hint == "image/x-tga" };
-    if let Some((width, height)) = image_file::dimensions(&bytes) {
-        // Four channels of a byte each is the least that most decoders need.
-        let size = u64::from(width).saturating_mul(u64::from(height)).saturating_mul(4);
-        budget.take(size, &place)?;
-    }
-    image_file::decode_bytes(&bytes, &name, limits).map_err(|e| wrap(&place, e))
+    // Four channels of a byte each is the least that most decoders need.
+    let least = image_file::dimensions(&bytes)
+        .map_or(0, |(width, height)| u64::from(width).saturating_mul(u64::from(height)).saturating_mul(4));
+    budget.take(least, &place)?;
+    let image = image_file::decode_bytes(&bytes, &name, limits).map_err(|e| wrap(&place, e))?;
+    let size = match &image.pixels {
+        Pixels::U8(p) => p.len(),
+        Pixels::U16(p) => 2 * p.len(),
+        Pixels::F32(p) => 4 * p.len(),
+    };
+    budget.take((size as u64).saturating_sub(least), &place)?;
+    Ok(image)
 }
