@@ -385,8 +385,7 @@ fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m1
 
     let zero = _mm_setzero_ps();
     let (mut near, mut far) = (zero, _mm_set1_ps(f32::INFINITY));
-    for axis in 0..3 {
-        let (low, high) = corners[axis];
+    for (axis, (low, high)) in corners.into_iter().enumerate() {
         let origin = _mm256_castps256_ps128(ray.origin[axis]);
         let inv_dir = _mm256_castps256_ps128(ray.inv_dir[axis]);
         let inv_far = _mm256_castps256_ps128(ray.inv_far[axis]);

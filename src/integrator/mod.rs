@@ -88,7 +88,11 @@ impl Integrator {
             Integrator::Depth(_) => [radius; 2],
             _ => [
                 scene.magnitudes(radius).fold(0.0, f64::max),
-                scene.magnitudes(radius).filter(usable).fold(f64::INFINITY, f64::min),
+                scene
+                    .magnitudes(radius)
+                    .chain(scene.dimmest(radius))
+                    .filter(usable)
+                    .fold(f64::INFINITY, f64::min),
             ],
         };
         let power = |size: f64| if usable(&size) { size.log2().ceil().exp2() } else { 1.0 };

@@ -111,7 +111,7 @@ impl<'a> Lobe<'a> {
 
     /// A sample's direction in the world. What goes straight on keeps the very
     /// bits of the way it came.
-    fn to_world(&self, sample: &BsdfSample, local: Vec3, wo: Vec3) -> Vec3 {
+    fn in_world(&self, sample: &BsdfSample, local: Vec3, wo: Vec3) -> Vec3 {
         if sample.delta && sample.wi == -local { -wo } else { self.frame.to_world(sample.wi) }
     }
 
@@ -231,13 +231,13 @@ impl<'a> Scatter<'a> {
         {
             let local = lobe.frame.to_local(wo);
             let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
-            let wi = lobe.to_world(&sample, local, wo);
+            let wi = lobe.in_world(&sample, local, wo);
             return ScatterSample::checked(&sample, wi, sample.weight, sample.pdf);
         }
         let (lobe, u_lobe) = self.choose(u_lobe)?;
         let local = lobe.frame.to_local(wo);
         let sample = with_bsdf!(self, lobe, bsdf => bsdf.sample(local, u_lobe, u))?;
-        let wi = lobe.to_world(&sample, local, wo);
+        let wi = lobe.in_world(&sample, local, wo);
         let (mut weight, mut pdf) = (sample.weight, sample.pdf);
         if sample.null {
             // Straight through is not affected by a perturbed frame.

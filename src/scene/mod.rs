@@ -297,6 +297,13 @@ impl Scene {
         self.lights.iter().map(move |l| l.magnitude(radius)).chain(glows)
     }
 
+    /// What each light makes of a white surface as far away as the scene is
+    /// large: of a small one far less than its own radiance.
+    pub fn dimmest(&self, radius: f64) -> impl Iterator<Item = f64> + '_ {
+        let far = 4.0 * std::f64::consts::PI.powi(2) * radius * radius;
+        self.lights.iter().map(move |l| l.power(radius) / far)
+    }
+
     /// Bounds of all primitives, recentred.
     #[must_use]
     pub fn bounds(&self) -> Bounds {

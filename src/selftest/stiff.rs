@@ -131,7 +131,7 @@ fn mirror(sheet: &mut Sheet) -> Result<()> {
         );
         Still::new(body, [1.0, 1.0, 0.0], [0.0; 3]).integrator(integrator).samples(1024)
     };
-    for (half, alphas) in [(0.5, [1e-4, 1e-6, 1e-8]), (0.01, [1e-5, 1e-6, 1e-8])] {
+    for (half, alphas) in [(0.5, [1e-4, 1e-8, 1e-12]), (0.01, [1e-5, 1e-8, 1e-12])] {
         for alpha in alphas {
             let still = scene(Some(alpha), half, &path(2));
             sheet.radiance(format!("lamp of {half}, alpha {alpha:e}: as a mirror"), 1.0, &still)?;
