@@ -129,9 +129,9 @@ impl WideTest for Avx2 {
     }
 
     #[inline(always)]
-    fn loose(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    fn loose(self, _: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
         // SAFETY: as above.
-        unsafe { loose(ray, probe, block, mask, limit) }
+        unsafe { loose(probe, block, mask, limit) }
     }
 }
 
@@ -405,7 +405,7 @@ fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m1
 /// Möller and Trumbore 1997, in f32, on a block of edges.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn loose(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+fn loose(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     type Lanes = [__m128; 3];
     let cross = |a: &Lanes, b: &Lanes| -> Lanes {
         three!(k => {
@@ -421,7 +421,9 @@ fn loose(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) 
     let [a, e1, e2] = three!(corner =>
         three!(axis => unsafe { _mm_load_ps(block.vertices[corner][axis].as_ptr()) }));
     let dir = [_mm_set1_ps(probe.dir.x), _mm_set1_ps(probe.dir.y), _mm_set1_ps(probe.dir.z)];
-    let s = three!(axis => _mm_sub_ps(_mm256_castps256_ps128(ray.origin[axis]), a[axis]));
+    // Not that of `ray`, whose axes are turned.
+    let origin = [_mm_set1_ps(probe.origin.x), _mm_set1_ps(probe.origin.y), _mm_set1_ps(probe.origin.z)];
+    let s = three!(axis => _mm_sub_ps(origin[axis], a[axis]));
     let p = cross(&dir, &e2);
     let inv = _mm_div_ps(_mm_set1_ps(1.0), dot(&e1, &p));
     let u = _mm_mul_ps(dot(&s, &p), inv);
