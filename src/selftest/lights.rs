@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use super::Row;
 use super::rays::Random;
 use super::sheet::Sheet;
-use super::stage::{Still, diffuse, glow, ortho, path, path_unended, twosided};
+use super::stage::{FLOOR, Still, diffuse, glow, ortho, path, path_unended, twosided};
 use crate::desc::{Mesh, Result};
 use crate::math::{DVec3, Vec3};
 
@@ -27,10 +27,6 @@ pub(super) const ROWS: &[Row] = &[
     Row { id: "A14", what: "the power of a spot in an integrating sphere", run: spot },
     Row { id: "A25", what: "surroundings with all light in one texel", run: texel },
 ];
-
-/// A floor of reflectance ½ of half-size 1 at y = 0.
-const FLOOR: &str = r#"<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/></transform>
-<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>"#;
 
 /// A camera at this height that looks at the origin past what is above it.
 fn low(height: f64) -> [f64; 3] {

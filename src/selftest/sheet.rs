@@ -43,6 +43,8 @@ pub struct Case {
     /// Why it failed whatever was measured: noise, dropped samples, a message
     /// that was not the right one.
     pub failure: Option<String>,
+    /// Why it is known to fail. It does not fail its row, but is not passed either.
+    pub known: Option<&'static str>,
 }
 
 impl Case {
@@ -121,7 +123,15 @@ impl Sheet {
     /// A value without noise, within a relative (of 0: absolute) tolerance.
     pub(super) fn within(&mut self, name: impl Into<String>, expected: f64, measured: f64, tolerance: f64) {
         let name = name.into();
-        self.cases.push(Case { name, expected, measured, standard_error: 0.0, tolerance, failure: None });
+        self.cases.push(Case {
+            name,
+            expected,
+            measured,
+            standard_error: 0.0,
+            tolerance,
+            failure: None,
+            known: None,
+        });
     }
 
     /// The same number, or bit for bit the same.
@@ -140,12 +150,27 @@ impl Sheet {
         }
     }
 
+    /// The last case is a promise that is known not to be kept, and why.
+    pub(super) fn known(&mut self, why: &'static str) {
+        if let Some(case) = self.cases.last_mut() {
+            case.known = Some(why);
+        }
+    }
+
     /// Something that is so or is not; `detail` says what was found instead.
     pub(super) fn holds(&mut self, name: impl Into<String>, holds: bool, detail: impl FnOnce() -> String) {
         let failure = (!holds).then(detail);
         let measured = f64::from(u8::from(!holds));
         let name = name.into();
-        self.cases.push(Case { name, expected: 0.0, measured, standard_error: 0.0, tolerance: 0.0, failure });
+        self.cases.push(Case {
+            name,
+            expected: 0.0,
+            measured,
+            standard_error: 0.0,
+            tolerance: 0.0,
+            failure,
+            known: None,
+        });
     }
 
     /// The mean of independent `values` is `expected`, known to `enough` of it.
@@ -171,7 +196,7 @@ impl Sheet {
             .then(|| format!("undecided: known to {explained:.1e} only"));
         let tolerance = explained.max(margin);
         let name = name.into();
-        self.cases.push(Case { name, expected, measured, standard_error, tolerance, failure });
+        self.cases.push(Case { name, expected, measured, standard_error, tolerance, failure, known: None });
     }
 
     /// Renders a scene of one radiance and compares its mean with it, within

@@ -112,6 +112,10 @@ impl Still {
     }
 }
 
+/// A floor of reflectance ½ of half-size 1 at y = 0.
+pub(super) const FLOOR: &str = r#"<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/></transform>
+<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>"#;
+
 /// A path integrator; -1 has no limit.
 pub(super) fn path(max_depth: i64) -> String {
     format!(r#"<integrator type="path"><integer name="max_depth" value="{max_depth}"/></integrator>"#)

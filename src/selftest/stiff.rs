@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use super::Row;
 use super::rays::Random;
 use super::sheet::{Same, Sheet, mean_and_error};
-use super::stage::{Still, diffuse, glow, ortho, path, path_unended, twosided};
+use super::stage::{FLOOR, Still, diffuse, glow, ortho, path, path_unended, twosided};
 use crate::bsdf::Bsdf;
 use crate::desc::{Mesh, Result};
 use crate::math::{Vec2, Vec3};
@@ -19,10 +19,6 @@ pub(super) const ROWS: &[Row] = &[
     Row { id: "E6", what: "thousands of bounces at albedo 0.999", run: long_paths },
     Row { id: "E8", what: "lights on and by a surface, and behind a hole", run: close },
 ];
-
-/// A floor of reflectance ½ of half-size 1 at y = 0.
-const FLOOR: &str = r#"<shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/></transform>
-<bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>"#;
 
 fn candle(height: f64) -> String {
     format!(
