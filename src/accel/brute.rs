@@ -2,7 +2,7 @@
 
 use super::Nearest;
 use super::ground::{Ground, Slice};
-use crate::math::Bounds;
+use crate::math::{Bounds, Ray};
 use crate::shape::{Geometry, Hit, RayProbe};
 
 /// Tests every primitive.
@@ -23,7 +23,8 @@ impl Brute {
         Brute { part: slice.part, bounds: geometry.part_bounds(slice.part) }
     }
 
-    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        let probe = &RayProbe::new(ray)?;
         let mut nearest = Nearest::new(probe);
         for prim in ground.geometry.part_prims(self.part) {
             if let Some(hit) = ground.intersect(prim, probe, nearest.limit) {
@@ -33,7 +34,8 @@ impl Brute {
         nearest.hit
     }
 
-    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        let Some(probe) = &RayProbe::new(ray) else { return false };
         let mut prims = ground.geometry.part_prims(self.part);
         prims.any(|prim| ground.intersect(prim, probe, probe.t_max).is_some())
     }

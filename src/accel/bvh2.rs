@@ -8,7 +8,7 @@ use super::ground::{Ground, Slice};
 use super::simd::{BoxTest, Portable, Task};
 use super::stats::Stats;
 use crate::desc::{Error, Result};
-use crate::math::{Bounds, Vec3};
+use crate::math::{Bounds, Ray, Vec3};
 use crate::shape::{Geometry, Hit, RayProbe};
 
 /// A binary bounding volume hierarchy.
@@ -89,11 +89,12 @@ impl Bvh2 {
         })
     }
 
-    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
-        self.run(Closest { bvh: self, ground, probe })
+    pub(super) fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        self.run(Closest { bvh: self, ground, probe: &RayProbe::new(ray)? })
     }
 
-    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        let Some(probe) = &RayProbe::new(ray) else { return false };
         self.run(Occluded { bvh: self, ground, probe })
     }
 

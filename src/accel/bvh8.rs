@@ -16,14 +16,16 @@ use super::simd8::{Met, Portable, Slots, Stack, WideTask, WideTest};
 use super::stats::{Share, Stats};
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::desc::{Error, Result};
-use crate::math::Bounds;
-use crate::shape::{Geometry, Hit, RayProbe};
+use crate::math::{Bounds, Ray};
+use crate::shape::{Geometry, Hit};
 
 /// An 8-wide bounding volume hierarchy.
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     wide: Wide,
     bounds: Bounds,
+    /// The largest absolute value of a coordinate.
+    size: f32,
     stats: Stats,
     #[cfg(target_arch = "x86_64")]
     avx2: Option<super::simd::Avx2>,
@@ -97,21 +99,25 @@ impl Bvh8 {
         if wide.arena.len() > Link::MAX {
             return Err(Error::new("a tree of more than 8 GiB").hint("use instances"));
         }
+        let bounds = geometry.part_bounds(slice.part);
         Ok(Bvh8 {
-            stats: stats(&wide, &geometry.part_bounds(slice.part)),
+            stats: stats(&wide, &bounds),
             wide,
-            bounds: geometry.part_bounds(slice.part),
+            bounds,
+            size: bounds.min.abs().max(bounds.max.abs()).max_element(),
             #[cfg(target_arch = "x86_64")]
             avx2: super::simd::Avx2::detect(),
         })
     }
 
-    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
-        self.run(Closest { wide: &self.wide, ground, probe })
+    #[inline]
+    pub(super) fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        self.run(Closest { bvh: self, ground, ray })
     }
 
-    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
-        self.run(Occluded { wide: &self.wide, ground, probe })
+    #[inline]
+    pub(super) fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        self.run(Occluded { bvh: self, ground, ray })
     }
 
     pub(super) fn bounds(&self) -> Bounds {
@@ -150,10 +156,6 @@ impl Bvh8 {
         &mut self.wide
     }
 
-    pub(super) fn wide(&self) -> &Wide {
-        &self.wide
-    }
-
     #[inline(always)]
     pub(super) fn run<T: WideTask>(&self, task: T) -> T::Output {
         #[cfg(target_arch = "x86_64")]
@@ -165,9 +167,9 @@ impl Bvh8 {
 }
 
 pub(super) struct Closest<'a> {
-    pub wide: &'a Wide,
+    pub bvh: &'a Bvh8,
     pub ground: &'a Ground<'a>,
-    pub probe: &'a RayProbe,
+    pub ray: &'a Ray,
 }
 
 impl WideTask for Closest<'_> {
@@ -175,33 +177,35 @@ impl WideTask for Closest<'_> {
 
     #[inline(always)]
     fn run<T: WideTest>(self, test: T) -> Option<Hit> {
-        let mut current = self.wide.root?;
-        let ray = test.prepare(self.probe);
-        let mut nearest = Nearest::new(self.probe);
+        let mut current = self.bvh.wide.root?;
+        let probe = &test.probe(self.ray)?;
+        let ray = test.prepare(probe, self.bvh.size);
+        let mut nearest = Nearest::new(probe);
         let mut slots = Slots::new();
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = self.wide.arena.node(current);
+                let node = self.bvh.wide.arena.node(current);
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
-                test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
                     current = match single(mask, node) {
                         Some(child) => child,
-                        None => test.descend(mask, near, node, &mut stack),
+                        None => {
+                            test.fetch(mask, node, &self.bvh.wide.arena);
+                            test.descend(mask, near, node, &mut stack)
+                        }
                     };
                     continue;
                 }
             } else {
-                let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
-                if mask != 0 {
-                    let met = test.triangles(&ray, self.probe, block, mask, nearest.limit);
+                let block = self.bvh.wide.arena.block(current);
+                let met = test.triangles(&ray, probe, block, current.triangle_mask(), nearest.limit);
+                if met.mask != 0 {
                     take_all(&mut nearest, block, &met);
                 }
                 if current.has_analytic() {
                     for prim in others(block, self.ground.geometry) {
-                        if let Some(hit) = self.ground.intersect_other(prim, self.probe, nearest.limit) {
+                        if let Some(hit) = self.ground.intersect_other(prim, probe, nearest.limit) {
                             nearest.take(hit);
                         }
                     }
@@ -247,9 +251,9 @@ fn others<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32
 }
 
 pub(super) struct Occluded<'a> {
-    pub wide: &'a Wide,
+    pub bvh: &'a Bvh8,
     pub ground: &'a Ground<'a>,
-    pub probe: &'a RayProbe,
+    pub ray: &'a Ray,
 }
 
 impl WideTask for Occluded<'_> {
@@ -257,30 +261,32 @@ impl WideTask for Occluded<'_> {
 
     #[inline(always)]
     fn run<T: WideTest>(self, test: T) -> bool {
-        let Some(mut current) = self.wide.root else { return false };
-        let ray = test.prepare(self.probe);
-        let limit = self.probe.t_max;
+        let Some(mut current) = self.bvh.wide.root else { return false };
+        let Some(probe) = &test.probe(self.ray) else { return false };
+        let ray = test.prepare(probe, self.bvh.size);
+        let limit = probe.t_max;
         let mut slots = Slots::new();
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = self.wide.arena.node(current);
+                let node = self.bvh.wide.arena.node(current);
                 let (mask, _) = test.boxes(&ray, node, limit);
-                test.fetch(mask, node, &self.wide.arena);
                 if mask != 0 {
                     current = match single(mask, node) {
                         Some(child) => child,
-                        None => test.descend_any(mask, node, &mut stack),
+                        None => {
+                            test.fetch(mask, node, &self.bvh.wide.arena);
+                            test.descend_any(mask, node, &mut stack)
+                        }
                     };
                     continue;
                 }
             } else {
-                let block = self.wide.arena.block(current);
-                let mask = test.candidates(&ray, self.probe, block, current.triangle_mask());
-                if mask != 0 && test.triangles(&ray, self.probe, block, mask, limit).mask != 0 {
+                let block = self.bvh.wide.arena.block(current);
+                if test.triangles(&ray, probe, block, current.triangle_mask(), limit).mask != 0 {
                     return true;
                 }
-                let hit = |prim| self.ground.occluded_other(prim, self.probe, limit);
+                let hit = |prim| self.ground.occluded_other(prim, probe, limit);
                 if current.has_analytic() && others(block, self.ground.geometry).any(hit) {
                     return true;
                 }

@@ -4,7 +4,7 @@
 //! The same nodes, traversal and blocks of four, and in place of our tests
 //! those of a renderer that lives with an epsilon: triangles by Möller and
 //! Trumbore 1997 in f32 (edges stored, no fallback, parameters not confined to
-//! the box), boxes without slack, nothing left out, rays not checked. So rays
+//! the box), nothing left out, rays not checked. So rays
 //! pass between triangles, and those that leave a surface have to start a fixed
 //! distance off it. What is no still triangle is tested as elsewhere; there are
 //! no instances. `record/robust-cost.md` has the figures.
@@ -44,16 +44,16 @@ impl Bvh8Plain {
     #[must_use]
     #[inline]
     pub fn closest(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
-        let (ground, probe) = (Ground { geometry, groups: &[] }, RayProbe::plain(ray));
-        self.bvh.run(Plainly(Closest { wide: self.bvh.wide(), ground: &ground, probe: &probe }))
+        let ground = Ground { geometry, groups: &[] };
+        self.bvh.run(Plainly(Closest { bvh: &self.bvh, ground: &ground, ray }))
     }
 
     /// Whether any hit is found. The ray must be finite.
     #[must_use]
     #[inline]
     pub fn occluded(&self, geometry: &Geometry, ray: &Ray) -> bool {
-        let (ground, probe) = (Ground { geometry, groups: &[] }, RayProbe::plain(ray));
-        self.bvh.run(Plainly(Occluded { wide: self.bvh.wide(), ground: &ground, probe: &probe }))
+        let ground = Ground { geometry, groups: &[] };
+        self.bvh.run(Plainly(Occluded { bvh: &self.bvh, ground: &ground, ray }))
     }
 
     /// Memory beyond that of the geometry, in bytes.
@@ -90,8 +90,13 @@ impl<T: WideTest> WideTest for Plain<T> {
     type Near = T::Near;
 
     #[inline(always)]
-    fn prepare(self, probe: &RayProbe) -> T::Ray {
-        self.0.prepare(probe)
+    fn probe(self, ray: &Ray) -> Option<RayProbe> {
+        Some(RayProbe::plain(ray))
+    }
+
+    #[inline(always)]
+    fn prepare(self, probe: &RayProbe, size: f32) -> T::Ray {
+        self.0.prepare(probe, size)
     }
 
     #[inline(always)]
@@ -112,11 +117,6 @@ impl<T: WideTest> WideTest for Plain<T> {
     #[inline(always)]
     fn fetch(self, mask: u32, node: &Node8, arena: &Arena) {
         self.0.fetch(mask, node, arena);
-    }
-
-    #[inline(always)]
-    fn candidates(self, _: &T::Ray, _: &RayProbe, _: &Block, mask: u32) -> u32 {
-        mask
     }
 
     #[inline(always)]

@@ -131,31 +131,33 @@ impl Embree {
         Ok(embree)
     }
 
-    pub(super) fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
+    pub(super) fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        let probe = &RayProbe::new(ray)?;
         let built = self.built.as_deref()?;
         let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
-        let Some((ray, t_scale)) = self.unit.ray(probe) else {
+        let Some((theirs, t_scale)) = self.unit.ray(probe) else {
             return match &built.far {
-                Some(bvh) => bvh.closest(ground, probe),
+                Some(bvh) => bvh.closest(ground, ray),
                 None => everything(query, &self.bounds).hit,
             };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
-        built.scene.intersect(&mut context, &mut RayHit::from_ray(ray));
+        built.scene.intersect(&mut context, &mut RayHit::from_ray(theirs));
         context.ext.nearest.hit
     }
 
-    pub(super) fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
+    pub(super) fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        let Some(probe) = &RayProbe::new(ray) else { return false };
         let Some(built) = self.built.as_deref() else { return false };
         let query = Query { ground, built, probe, nearest: Nearest::new(probe), t_scale: 0.0 };
-        let Some((mut ray, t_scale)) = self.unit.ray(probe) else {
+        let Some((mut theirs, t_scale)) = self.unit.ray(probe) else {
             return match &built.far {
-                Some(bvh) => bvh.occluded(ground, probe),
+                Some(bvh) => bvh.occluded(ground, ray),
                 None => everything(query, &self.bounds).hit.is_some(),
             };
         };
         let mut context = IntersectContextExt::incoherent(Query { t_scale, ..query });
-        built.scene.occluded(&mut context, &mut ray)
+        built.scene.occluded(&mut context, &mut theirs)
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
@@ -177,7 +179,7 @@ struct Query<'a> {
 fn everything(query: Query<'_>, bounds: &Bounds) -> Nearest {
     let mut nearest = query.nearest;
     let (near, far) = query.probe.interval(bounds);
-    if !(near <= far) {
+    if !(near < far) {
         return nearest;
     }
     for prim in &query.built.prims {
@@ -270,9 +272,9 @@ impl Unit {
     /// from too far.
     #[inline]
     fn ray(&self, probe: &RayProbe) -> Option<(embree3::Ray, f64)> {
-        let origin = self.origin(probe.origin.as_dvec3())?;
-        let shrink = power_of_two(-exponent(f64::from(probe.dir.abs().max_element())));
-        let dir = (probe.dir.as_dvec3() * shrink).as_vec3();
+        let origin = self.origin(probe.origin().as_dvec3())?;
+        let shrink = power_of_two(-exponent(f64::from(probe.dir().abs().max_element())));
+        let dir = (probe.dir().as_dvec3() * shrink).as_vec3();
         let t_scale = self.factor / shrink;
         let far = far_end(probe.t_max, t_scale);
         Some((embree3::Ray::segment(origin.to_array(), dir.to_array(), 0.0, far), t_scale))

@@ -3,6 +3,7 @@
 
 use super::Tree;
 use super::build::Item;
+use crate::math::Ray;
 use crate::shape::{Geometry, Hit, PrimId, RayProbe};
 
 /// A geometry with the trees of its groups: what a traversal asks when it has
@@ -130,21 +131,20 @@ impl Ground<'_> {
         prim: PrimId,
         probe: &RayProbe,
         limit: f32,
-        ask: impl FnOnce(&Tree, &RayProbe) -> Option<Hit>,
+        ask: impl FnOnce(&Tree, &Ray) -> Option<Hit>,
     ) -> Option<Hit> {
         let instance = self.geometry.instance(prim)?;
         let (near, far) = probe.interval(instance.bounds());
-        if !(near <= far && near < limit) {
+        if !(near < far && near < limit) {
             return None;
         }
-        let mut ray = instance.at(probe.time).local_ray(probe.origin, probe.dir, probe.time);
+        let mut ray = instance.at(probe.time).local_ray(probe.origin(), probe.dir(), probe.time);
         ray.t_max = if far < limit { f32::INFINITY } else { limit };
         if probe.skip_inside[1] == prim {
             ray.skip = probe.skip_inside[0];
         }
-        let inside = RayProbe::new(&ray)?;
         let tree = self.groups.get(instance.part() as usize - 1)?.at(probe.time)?;
-        let hit = ask(tree, &inside)?;
+        let hit = ask(tree, &ray)?;
         let t = hit.t.clamp(near, far);
         (t > 0.0 && t < limit).then_some(Hit { t, instance: prim, ..hit })
     }

@@ -97,13 +97,13 @@ impl Tree {
     }
 
     #[inline]
-    fn closest(&self, ground: &Ground<'_>, probe: &RayProbe) -> Option<Hit> {
-        dispatch!(self, tree => tree.closest(ground, probe))
+    fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        dispatch!(self, tree => tree.closest(ground, ray))
     }
 
     #[inline]
-    fn occluded(&self, ground: &Ground<'_>, probe: &RayProbe) -> bool {
-        dispatch!(self, tree => tree.occluded(ground, probe))
+    fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        dispatch!(self, tree => tree.occluded(ground, ray))
     }
 
     fn memory_bytes(&self) -> usize {
@@ -166,8 +166,7 @@ impl Accel {
     #[must_use]
     #[inline]
     pub fn closest(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
-        let probe = RayProbe::new(ray)?;
-        self.top.closest(&self.ground(geometry), &probe)
+        self.top.closest(&self.ground(geometry), ray)
     }
 
     /// True when anything is hit with 0 < t < `ray.t_max`. False for rays that
@@ -175,8 +174,7 @@ impl Accel {
     #[must_use]
     #[inline]
     pub fn occluded(&self, geometry: &Geometry, ray: &Ray) -> bool {
-        let Some(probe) = RayProbe::new(ray) else { return false };
-        self.top.occluded(&self.ground(geometry), &probe)
+        self.top.occluded(&self.ground(geometry), ray)
     }
 
     /// The box of everything; empty for an empty geometry.

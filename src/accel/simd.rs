@@ -25,7 +25,7 @@ pub trait BoxTest: Copy {
     /// Prepares a ray.
     fn prepare(self, probe: &RayProbe) -> Self::Ray;
 
-    /// For each box: whether the ray meets it at or before `limit`, and where
+    /// For each box: whether the ray meets it before `limit`, and where
     /// it enters.
     fn test(self, ray: &Self::Ray, node: &Node, limit: f32) -> ([bool; 2], [f32; 2]);
 }
@@ -53,16 +53,22 @@ pub struct PortableRay {
     negative: [bool; 3],
 }
 
+/// Without what has no meaning.
+#[inline(always)]
+pub fn three(&[x, y, z, _]: &[f32; 4]) -> [f32; 3] {
+    [x, y, z]
+}
+
 impl BoxTest for Portable {
     type Ray = PortableRay;
 
     #[inline(always)]
     fn prepare(self, probe: &RayProbe) -> PortableRay {
         PortableRay {
-            origin: probe.origin.to_array(),
-            inv_dir: probe.inv_dir.to_array(),
-            inv_far: probe.inv_far.to_array(),
-            negative: probe.inv_dir.to_array().map(f32::is_sign_negative),
+            origin: three(&probe.origin),
+            inv_dir: three(&probe.inv_dir),
+            inv_far: three(&probe.inv_far),
+            negative: three(&probe.inv_dir).map(f32::is_sign_negative),
         }
     }
 
@@ -78,7 +84,7 @@ impl BoxTest for Portable {
                 m[lane] = if t[lane] > m[lane] { t[lane] } else { m[lane] };
             }
         }
-        ([m[0] <= -m[2], m[1] <= -m[3]], [m[0], m[1]])
+        ([m[0] < -m[2], m[1] < -m[3]], [m[0], m[1]])
     }
 }
 
@@ -151,12 +157,12 @@ mod x86 {
         let straight = _mm_setr_epi32(0, 1, 2, 3);
         let crossed = _mm_setr_epi32(2, 3, 0, 1);
         let order = |axis: usize| if probe.inv_dir[axis].is_sign_negative() { crossed } else { straight };
-        let o = probe.origin;
+        let [x, y, z, _] = probe.origin;
         let inv = |near: f32, far: f32| _mm_setr_ps(near, near, -far, -far);
-        let (n, f) = (probe.inv_dir, probe.inv_far);
+        let (n, f) = (&probe.inv_dir, &probe.inv_far);
         Avx2Ray {
-            origin: [_mm_set1_ps(o.x), _mm_set1_ps(o.y), _mm_set1_ps(o.z)],
-            inv_dir: [inv(n.x, f.x), inv(n.y, f.y), inv(n.z, f.z)],
+            origin: [_mm_set1_ps(x), _mm_set1_ps(y), _mm_set1_ps(z)],
+            inv_dir: [inv(n[0], f[0]), inv(n[1], f[1]), inv(n[2], f[2])],
             order: [order(0), order(1), order(2)],
         }
     }
@@ -172,7 +178,7 @@ mod x86 {
             m = _mm_max_ps(_mm_mul_ps(d, ray.inv_dir[axis]), m);
         }
         let far = _mm_xor_ps(_mm_movehl_ps(m, m), _mm_set1_ps(-0.0));
-        let mask = _mm_movemask_ps(_mm_cmple_ps(m, far));
+        let mask = _mm_movemask_ps(_mm_cmplt_ps(m, far));
         let near = [_mm_cvtss_f32(m), _mm_cvtss_f32(_mm_movehdup_ps(m))];
         ([mask & 1 != 0, mask & 2 != 0], near)
     }
@@ -212,7 +218,7 @@ mod tests {
             hits += usize::from(a.0[0]);
             // The interval of one box is that of the node's lane.
             let (near, far) = probe.interval(&boxes[0]);
-            assert_eq!(near <= far.min(3.0), a.0[0]);
+            assert_eq!(near < far.min(3.0), a.0[0]);
             assert_eq!(near, a.1[0]);
         }
         assert!(hits > 5_000, "{hits} hits");

@@ -59,7 +59,7 @@ impl Arena {
     /// The node of a link.
     #[inline(always)]
     pub fn node(&self, link: Link) -> &Node8 {
-        let units = &self.units[link.index()..][..NODE];
+        let units = &self.units[link.index()..link.index() + NODE];
         // SAFETY: as in `node_mut`.
         unsafe { &*units.as_ptr().cast::<Node8>() }
     }
@@ -67,7 +67,7 @@ impl Arena {
     /// The block of a link.
     #[inline(always)]
     pub fn block(&self, link: Link) -> &Block {
-        let units = &self.units[link.index()..][..BLOCK];
+        let units = &self.units[link.index()..link.index() + BLOCK];
         // SAFETY: five units are a block's size and alignment, and any numbers
         // are a block.
         unsafe { &*units.as_ptr().cast::<Block>() }

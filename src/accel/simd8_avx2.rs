@@ -12,23 +12,28 @@ use super::simd8::{Met, Stack, WideTask, WideTest};
 use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::math::gamma;
-use crate::shape::RayProbe;
+use crate::shape::{RayProbe, WIDENING};
 
-/// A ray for [`Avx2`]: every number in all lanes, the axes turned as those of
-/// the probe.
+/// A ray for [`Avx2`]: every number in all lanes, and what the test of triangles
+/// takes when it comes to one.
 #[derive(Clone, Copy, Debug)]
 pub struct WideRay {
-    origin: [__m256; 3],
+    /// The origin negated: a plane is then added to it from memory.
+    back: [__m256; 3],
     inv_dir: [__m256; 3],
     inv_far: [__m256; 3],
     /// Where the near planes of a node are, and the far ones, in bytes from
     /// its beginning: multiples of 32 below 192.
     near: [usize; 3],
     far: [usize; 3],
-    shear: [__m128; 2],
-    /// Where the coordinates of a block are, in bytes from the beginning of a
-    /// vertex: multiples of 16 below 48.
+    /// Where the coordinates of a block are along the axes of the probe, in
+    /// bytes from the beginning of a vertex: multiples of 16 below 48.
     rows: [usize; 3],
+    /// 1 / direction, along the last of them.
+    scale: f32,
+    /// How far before its parameter a triangle's box may begin, along the last
+    /// of them.
+    slack: f32,
 }
 
 /// Where a ray enters eight boxes, and all bits of those that it meets.
@@ -78,9 +83,9 @@ impl WideTest for Avx2 {
     type Near = Near;
 
     #[inline(always)]
-    fn prepare(self, probe: &RayProbe) -> WideRay {
+    fn prepare(self, probe: &RayProbe, size: f32) -> WideRay {
         // SAFETY: the token exists only where AVX2 has been detected.
-        unsafe { prepare(probe) }
+        unsafe { prepare(probe, size) }
     }
 
     #[inline(always)]
@@ -117,15 +122,9 @@ impl WideTest for Avx2 {
     }
 
     #[inline(always)]
-    fn candidates(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
-        // SAFETY: as above.
-        unsafe { candidates(ray, probe, block, mask) }
-    }
-
-    #[inline(always)]
     fn triangles(self, ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
         // SAFETY: as above.
-        unsafe { exact(ray, probe, block, mask, limit) }
+        unsafe { triangles(ray, probe, block, mask, limit) }
     }
 
     #[inline(always)]
@@ -146,20 +145,17 @@ fn store4(v: __m128) -> [f32; LANES] {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn prepare(probe: &RayProbe) -> WideRay {
-    let axes = three!(i => usize::from(probe.axes[i].min(2)));
-    let behind = three!(i => (probe.turned_inv_dir[i].to_bits() >> 31) as usize);
-    let near = three!(i => 64 * axes[i] + 32 * behind[i]);
-    let (o, i, s) = (&probe.turned_origin, &probe.turned_inv_dir, &probe.shear);
-    let f = &probe.turned_inv_far;
+fn prepare(probe: &RayProbe, size: f32) -> WideRay {
+    let near = three!(i => 64 * i + (probe.inv_dir[i].to_bits() >> 31) as usize * 32);
     WideRay {
-        origin: [_mm256_set1_ps(o[0]), _mm256_set1_ps(o[1]), _mm256_set1_ps(o[2])],
-        inv_dir: [_mm256_set1_ps(i[0]), _mm256_set1_ps(i[1]), _mm256_set1_ps(i[2])],
-        inv_far: [_mm256_set1_ps(f[0]), _mm256_set1_ps(f[1]), _mm256_set1_ps(f[2])],
+        back: three!(i => _mm256_set1_ps(-probe.origin[i])),
+        inv_dir: three!(i => _mm256_set1_ps(probe.inv_dir[i])),
+        inv_far: three!(i => _mm256_set1_ps(probe.inv_far[i])),
         near,
         far: three!(i => near[i] ^ 32),
-        shear: [_mm_set1_ps(s[0]), _mm_set1_ps(s[1])],
-        rows: three!(i => 16 * axes[i]),
+        rows: three!(i => 16 * usize::from(probe.axes[i].min(2))),
+        scale: probe.shear[2],
+        slack: size * probe.shear[2].abs() * 2.0 * WIDENING,
     }
 }
 
@@ -170,7 +166,7 @@ fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
     let from_origin = |axis: usize, at: usize| {
         // SAFETY: eight f32 of one plane: `prepare` makes the offsets.
         let planes = unsafe { _mm256_load_ps(base.add(at).cast()) };
-        _mm256_sub_ps(planes, ray.origin[axis])
+        _mm256_add_ps(planes, ray.back[axis])
     };
     let mut near = _mm256_setzero_ps();
     let mut far = _mm256_set1_ps(limit);
@@ -180,7 +176,7 @@ fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
         near = _mm256_max_ps(enter, near);
         far = _mm256_min_ps(leave, far);
     }
-    let met = _mm256_cmp_ps::<_CMP_LE_OQ>(near, far);
+    let met = _mm256_cmp_ps::<_CMP_LT_OQ>(near, far);
     (_mm256_movemask_ps(met) as u32, Near { near, met })
 }
 
@@ -278,64 +274,84 @@ fn sort(v: __m256i) -> __m256i {
 }
 
 /// Vertices relative to the origin and sheared: x, y, z of each.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn sheared(ray: &WideRay, block: &Block) -> [[__m128; 3]; 3] {
-    let base: *const u8 = block.vertices.as_ptr().cast();
-    let [x, y, z] = ray.rows;
-    let [ox, oy, oz] = ray.origin;
-    let (ox, oy, oz) = (_mm256_castps256_ps128(ox), _mm256_castps256_ps128(oy), _mm256_castps256_ps128(oz));
-    let vertex = |corner: usize| {
-        // SAFETY: four f32 of one row: `prepare` makes the offsets.
-        let row = |at: usize| unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) };
-        let z = _mm_sub_ps(row(z), oz);
-        let x = _mm_sub_ps(_mm_sub_ps(row(x), ox), _mm_mul_ps(ray.shear[0], z));
-        let y = _mm_sub_ps(_mm_sub_ps(row(y), oy), _mm_mul_ps(ray.shear[1], z));
-        [x, y, z]
+type Sheared = [[__m128; 3]; 3];
+
+/// A number of the ray in four lanes.
+macro_rules! half {
+    ($vector:expr) => {
+        _mm256_castps256_ps128($vector)
     };
-    [vertex(0), vertex(1), vertex(2)]
 }
 
-/// Rejects by the signs of the edge functions in f32, as `shape::triangle`
-/// does before it goes on in f64; what NaN hides goes on too. Then leaves out
-/// the primitives that the ray does: nearly every ray meets the block of the
-/// one that it starts on.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn candidates(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32) -> u32 {
-    let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared(ray, block);
+fn sheared(ray: &WideRay, probe: &RayProbe, block: &Block) -> Sheared {
+    let vertices: *const u8 = block.vertices.as_ptr().cast();
+    let backs: *const u8 = ray.back.as_ptr().cast();
+    // SAFETY: the half of one of three vectors: `prepare` makes the offsets.
+    let back = three!(i => unsafe { _mm_load_ps(backs.add(2 * ray.rows[i]).cast()) });
+    let shear = [_mm_set1_ps(probe.shear[0]), _mm_set1_ps(probe.shear[1])];
+    three!(corner => {
+        // SAFETY: four f32 of one row: `prepare` makes the offsets.
+        let [x, y, z] = three!(i =>
+            _mm_add_ps(unsafe { _mm_load_ps(vertices.add(48 * corner + ray.rows[i]).cast()) }, back[i]));
+        [_mm_sub_ps(x, _mm_mul_ps(shear[0], z)), _mm_sub_ps(y, _mm_mul_ps(shear[1], z)), z]
+    })
+}
+
+/// The test of `shape::triangle`: rejects by the signs of the edge functions in
+/// f32 before it goes on in f64; what NaN hides goes on too.
+///
+/// Whether it goes on should be easy to foresee, and nearly every line crosses
+/// some triangle of a block. So three more kinds are rejected at once that would
+/// be later. The primitives that the ray leaves out: it meets the block of the
+/// one that it starts on. Triangles behind the origin: t is an average of those
+/// of the vertices. And those whose boxes begin behind `limit` already along the
+/// longest axis, to which t would be confined: a box begins at most [`WIDENING`] times
+/// its largest coordinate and a few roundings before the nearest of the vertices.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn triangles(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
+    let sheared = sheared(ray, probe, block);
+    let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = sheared;
     let u = _mm_sub_ps(_mm_mul_ps(cx, by), _mm_mul_ps(cy, bx));
     let v = _mm_sub_ps(_mm_mul_ps(ax, cy), _mm_mul_ps(ay, cx));
     let w = _mm_sub_ps(_mm_mul_ps(bx, ay), _mm_mul_ps(by, ax));
     let low = _mm_min_ps(_mm_min_ps(u, v), w);
     let high = _mm_max_ps(_mm_max_ps(u, v), w);
     let zero = _mm_setzero_ps();
-    let kept = _mm_or_ps(_mm_cmpnlt_ps(low, zero), _mm_cmpngt_ps(high, zero));
-    let mask = mask & _mm_movemask_ps(kept) as u32;
-    if mask == 0 { 0 } else { mask & !skipped(probe, block) }
+    let crossed = _mm_or_ps(_mm_cmpnlt_ps(low, zero), _mm_cmpngt_ps(high, zero));
+
+    let scale = _mm_set1_ps(ray.scale);
+    let [a, b, c] = three!(corner => _mm_mul_ps(sheared[corner][2], scale));
+    let first = _mm_min_ps(_mm_min_ps(a, b), c);
+    let last = _mm_max_ps(_mm_max_ps(a, b), c);
+    let end = _mm_set1_ps((limit + ray.slack) * (1.0 + gamma(16)));
+    let ahead = _mm_and_ps(_mm_cmpnlt_ps(last, zero), _mm_cmpnge_ps(first, end));
+
+    let mask =
+        mask & _mm_movemask_ps(_mm_andnot_ps(skipped(probe, block), _mm_and_ps(crossed, ahead))) as u32;
+    if mask == 0 { Met::NOTHING } else { exact(ray, block, &sheared, mask, limit) }
 }
 
-/// One bit for each lane that the ray leaves out.
+/// All bits of the lanes that the ray leaves out.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn skipped(probe: &RayProbe, block: &Block) -> u32 {
+fn skipped(probe: &RayProbe, block: &Block) -> __m128 {
     // SAFETY: four numbers in a row.
     let prims = unsafe { _mm_loadu_si128(block.prims.as_ptr().cast()) };
     let first = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip as i32));
     let second = _mm_cmpeq_epi32(prims, _mm_set1_epi32(probe.skip_end as i32));
-    _mm_movemask_ps(_mm_castsi128_ps(_mm_or_si128(first, second))) as u32
+    _mm_castsi128_ps(_mm_or_si128(first, second))
 }
 
-/// The exact test of `shape::triangle` on lanes that the ray does not leave
-/// out.
+/// The part in f64, on lanes that the ray does not leave out.
 #[inline(never)]
 #[target_feature(enable = "avx2")]
-fn exact(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
-    let [a, b, c] = sheared(ray, block);
-    let wide = |x: __m128| _mm256_cvtps_pd(x);
-    let (ax, ay, az) = (wide(a[0]), wide(a[1]), wide(a[2]));
-    let (bx, by, bz) = (wide(b[0]), wide(b[1]), wide(b[2]));
-    let (cx, cy, cz) = (wide(c[0]), wide(c[1]), wide(c[2]));
+fn exact(ray: &WideRay, block: &Block, [a, b, c]: &Sheared, mask: u32, limit: f32) -> Met {
+    let (ax, ay, az) = (_mm256_cvtps_pd(a[0]), _mm256_cvtps_pd(a[1]), _mm256_cvtps_pd(a[2]));
+    let (bx, by, bz) = (_mm256_cvtps_pd(b[0]), _mm256_cvtps_pd(b[1]), _mm256_cvtps_pd(b[2]));
+    let (cx, cy, cz) = (_mm256_cvtps_pd(c[0]), _mm256_cvtps_pd(c[1]), _mm256_cvtps_pd(c[2]));
     let u = _mm256_sub_pd(_mm256_mul_pd(cx, by), _mm256_mul_pd(cy, bx));
     let v = _mm256_sub_pd(_mm256_mul_pd(ax, cy), _mm256_mul_pd(ay, cx));
     let w = _mm256_sub_pd(_mm256_mul_pd(bx, ay), _mm256_mul_pd(by, ax));
@@ -352,8 +368,7 @@ fn exact(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) 
     let inv = _mm256_div_pd(_mm256_set1_pd(1.0), det);
     let sum = _mm256_add_pd(_mm256_mul_pd(u, az), _mm256_mul_pd(v, bz));
     let sum = _mm256_add_pd(sum, _mm256_mul_pd(w, cz));
-    let t =
-        _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(sum, inv), _mm256_set1_pd(f64::from(probe.shear[2]))));
+    let t = _mm256_cvtpd_ps(_mm256_mul_pd(_mm256_mul_pd(sum, inv), _mm256_set1_pd(f64::from(ray.scale))));
     let (t, accepted) = confine(ray, block, t, limit);
     Met {
         mask: mask & _mm_movemask_ps(accepted) as u32,
@@ -368,35 +383,31 @@ fn exact(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) 
 #[inline]
 #[target_feature(enable = "avx2")]
 fn confine(ray: &WideRay, block: &Block, t: __m128, limit: f32) -> (__m128, __m128) {
-    let sign = _mm_set1_ps(-0.0);
-    let base: *const u8 = block.vertices.as_ptr().cast();
     let corners = three!(axis => {
-        let at = ray.rows[axis];
-        // SAFETY: four f32 of one row: `prepare` makes the offsets.
-        let [a, b, c] = three!(corner => unsafe { _mm_load_ps(base.add(48 * corner + at).cast()) });
-        (_mm_min_ps(_mm_min_ps(a, b), c), _mm_max_ps(_mm_max_ps(a, b), c))
+        // SAFETY: four f32 in a row.
+        let [a, b, c] = three!(corner => unsafe { _mm_load_ps(block.vertices[corner][axis].as_ptr()) });
+        [_mm_min_ps(_mm_min_ps(a, b), c), _mm_max_ps(_mm_max_ps(a, b), c)]
     });
-    let size = three!(axis => {
-        let (low, high) = corners[axis];
-        _mm_max_ps(_mm_andnot_ps(sign, low), _mm_andnot_ps(sign, high))
-    });
-    let size = _mm_max_ps(_mm_max_ps(size[0], size[1]), size[2]);
-    let error = _mm_mul_ps(size, _mm_set1_ps(gamma(4)));
+    // The largest of the absolute values.
+    let [[x0, x1], [y0, y1], [z0, z1]] = corners;
+    let lowest = _mm_min_ps(_mm_min_ps(x0, y0), z0);
+    let highest = _mm_max_ps(_mm_max_ps(x1, y1), z1);
+    let size = _mm_max_ps(highest, _mm_xor_ps(lowest, _mm_set1_ps(-0.0)));
+    let widening = _mm_mul_ps(size, _mm_set1_ps(WIDENING));
 
     let zero = _mm_setzero_ps();
     let (mut near, mut far) = (zero, _mm_set1_ps(f32::INFINITY));
-    for (axis, (low, high)) in corners.into_iter().enumerate() {
-        let origin = _mm256_castps256_ps128(ray.origin[axis]);
-        let inv_dir = _mm256_castps256_ps128(ray.inv_dir[axis]);
-        let inv_far = _mm256_castps256_ps128(ray.inv_far[axis]);
-        let low = _mm_sub_ps(_mm_sub_ps(low, error), origin);
-        let high = _mm_sub_ps(_mm_add_ps(high, error), origin);
+    for (axis, [low, high]) in corners.into_iter().enumerate() {
+        let (inv_dir, inv_far) = (half!(ray.inv_dir[axis]), half!(ray.inv_far[axis]));
+        let error = _mm_and_ps(widening, _mm_cmplt_ps(low, high));
+        let low = _mm_add_ps(_mm_sub_ps(low, error), half!(ray.back[axis]));
+        let high = _mm_add_ps(_mm_add_ps(high, error), half!(ray.back[axis]));
         let (enter, leave) = (_mm_blendv_ps(low, high, inv_dir), _mm_blendv_ps(high, low, inv_dir));
         near = _mm_max_ps(_mm_mul_ps(enter, inv_dir), near);
         far = _mm_min_ps(_mm_mul_ps(leave, inv_far), far);
     }
     let finite = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(f32::INFINITY)));
-    let crossed = _mm_cmple_ps(near, far);
+    let crossed = _mm_cmplt_ps(near, far);
     let t = _mm_min_ps(far, _mm_max_ps(near, t));
     let within = _mm_and_ps(_mm_cmpgt_ps(t, zero), _mm_cmplt_ps(t, _mm_set1_ps(limit)));
     (t, _mm_and_ps(_mm_and_ps(finite, crossed), within))
@@ -420,9 +431,8 @@ fn loose(probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {
     // SAFETY: four f32 in a row.
     let [a, e1, e2] = three!(corner =>
         three!(axis => unsafe { _mm_load_ps(block.vertices[corner][axis].as_ptr()) }));
-    let dir = [_mm_set1_ps(probe.dir.x), _mm_set1_ps(probe.dir.y), _mm_set1_ps(probe.dir.z)];
-    // Not that of `ray`, whose axes are turned.
-    let origin = [_mm_set1_ps(probe.origin.x), _mm_set1_ps(probe.origin.y), _mm_set1_ps(probe.origin.z)];
+    let dir = three!(axis => _mm_set1_ps(probe.dir[axis]));
+    let origin = three!(axis => _mm_set1_ps(probe.origin[axis]));
     let s = three!(axis => _mm_sub_ps(origin[axis], a[axis]));
     let p = cross(&dir, &e2);
     let inv = _mm_div_ps(_mm_set1_ps(1.0), dot(&e1, &p));

@@ -255,7 +255,7 @@ impl GeometryBuilder {
             own_tangents: None,
             deformation: None,
         });
-        g.analytic_bounds.push(triangle::widen(analytic.bounds()));
+        g.analytic_bounds.push(triangle::bounds_of(analytic.bounds()));
         g.analytic.push(analytic);
         g.analytic_shapes.push(shape);
         shape

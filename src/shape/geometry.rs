@@ -321,7 +321,7 @@ impl Geometry {
         if probe.skips(prim) {
             return None;
         }
-        let hit = analytic.intersect(probe.origin.as_dvec3(), probe.dir.as_dvec3())?;
+        let hit = analytic.intersect(probe.origin().as_dvec3(), probe.dir().as_dvec3())?;
         let t = probe.confine(hit.t, &self.analytic_bounds[index], t_max)?;
         Some(Hit { t, prim, u: hit.u, v: hit.v, instance: Hit::NO_INSTANCE })
     }

@@ -59,6 +59,7 @@ pub use rectangle::Rectangle;
 pub use sampler::ShapeSampler;
 pub use sphere::Sphere;
 pub use surface::{ShapeSample, SurfacePoint};
+pub(crate) use triangle::WIDENING;
 pub use triangle_view::TriangleView;
 pub use view::{RectView, SphereView};
 

@@ -11,18 +11,26 @@ use crate::math::{Bounds, Ray, Vec3, gamma};
 /// the reciprocal direction once for each ray: as many roundings as when it is
 /// put on each distance, and as monotone. All comparisons drop
 /// NaN, which arises only where the origin lies on a face parallel to the ray:
-/// such a face does not bound.
+/// such a face does not bound. An interval that is one point is empty: a flat
+/// box at a distance has one that is longer, by the slack, and at no distance
+/// nothing can be hit.
+///
+/// Vectors have a fourth number without meaning, so that they are loaded whole.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
 pub struct RayProbe {
-    /// Origin.
-    pub origin: Vec3,
-    /// Direction.
-    pub dir: Vec3,
+    pub(crate) origin: [f32; 4],
+    pub(crate) dir: [f32; 4],
     /// 1 / direction, per axis; ±∞ where the direction is ±0. Its sign says
     /// which faces of a box the ray meets first.
-    pub inv_dir: Vec3,
+    pub(crate) inv_dir: [f32; 4],
     /// `inv_dir` times [`RayProbe::FAR_SLACK`].
-    pub inv_far: Vec3,
+    pub(crate) inv_far: [f32; 4],
+    /// (dir.x / dir.z, dir.y / dir.z, 1 / dir.z), in the order of `axes`.
+    pub(crate) shear: [f32; 3],
+    /// The axes, turned so that the one along which the direction is longest
+    /// is the third. Each is below 3.
+    pub(crate) axes: [u8; 4],
     /// End of the ray.
     pub t_max: f32,
     /// First primitive to leave out.
@@ -33,20 +41,13 @@ pub struct RayProbe {
     pub time: f32,
     /// A primitive to leave out in one instance, and that instance.
     pub(crate) skip_inside: [u32; 2],
-    /// The axes, turned so that the one along which the direction is longest
-    /// is the third. Each is below 3.
-    pub(crate) axes: [u8; 3],
-    /// Origin and reciprocal directions, so turned.
-    pub(crate) turned_origin: [f32; 3],
-    pub(crate) turned_inv_dir: [f32; 3],
-    pub(crate) turned_inv_far: [f32; 3],
-    /// (dir.x / dir.z, dir.y / dir.z, 1 / dir.z), so turned.
-    pub(crate) shear: [f32; 3],
 }
 
 impl RayProbe {
-    /// 1 + 2γ(3), the factor on the far end of every box interval.
-    pub const FAR_SLACK: f32 = 1.0 + 2.0 * gamma(3);
+    /// 1 + 2γ(5), the factor on the far end of every box interval: γ(3) for each
+    /// end, and as much again as the test of triangles moves what it hits, in
+    /// proportion to the way.
+    pub const FAR_SLACK: f32 = 1.0 + 2.0 * gamma(5);
 
     /// Prepares a ray. `None` when its origin or direction is not finite, its
     /// direction is zero, or its interval is empty or NaN: such a ray hits
@@ -55,62 +56,68 @@ impl RayProbe {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Option<RayProbe> {
         // Without branches: for rays at random they cannot be foreseen.
-        let (d, a, o) = (ray.dir, ray.dir.abs(), ray.origin.abs());
-        const END: f32 = f32::INFINITY;
-        let finite = (a.x < END) & (a.y < END) & (a.z < END) & (o.x < END) & (o.y < END) & (o.z < END);
-        let x = (a.x > a.y) & (a.x > a.z);
-        let y = !x & (a.y > a.z);
-        let axes = AXES[usize::from(x) + 2 * usize::from(y)];
-        let turn = |v: Vec3| {
-            let v = [v.x, v.y, v.z, 0.0];
-            axes.map(|axis| v[usize::from(axis & 3)])
-        };
-        let inv_dir = d.recip();
-        let inv_far = inv_dir * RayProbe::FAR_SLACK;
-        let ([x, y, z], turned_inv_dir) = (turn(d), turn(inv_dir));
-        if !(finite & (z != 0.0) & (ray.t_max > 0.0)) {
+        let (origin, dir) = (padded(ray.origin), padded(ray.dir));
+        let a = dir.map(f32::abs);
+        let x = (a[0] > a[1]) & (a[0] > a[2]);
+        let y = a[1] > a[2];
+        let axes = AXES[(2 - usize::from(y)) * usize::from(!x)];
+        let inv_dir = dir.map(|d| 1.0 / d);
+        let [x, y, z] = [0, 1, 2].map(|i| dir[usize::from(axes[i] & 3)]);
+        // Zero where all are finite, else NaN.
+        let zero = [0, 1, 2].map(|i| origin[i] * 0.0 + dir[i] * 0.0);
+        if !((zero[0] + zero[1] + zero[2] == 0.0) & (z != 0.0) & (ray.t_max > 0.0)) {
             return None;
         }
         Some(RayProbe {
-            origin: ray.origin,
-            dir: d,
+            origin,
+            dir,
             inv_dir,
-            inv_far,
+            inv_far: inv_dir.map(|i| i * RayProbe::FAR_SLACK),
+            shear: [x / z, y / z, 1.0 / z],
+            axes,
             t_max: ray.t_max,
             skip: if ray.skip_instance == Ray::NO_SKIP { ray.skip } else { Ray::NO_SKIP },
             skip_end: ray.skip_end,
             time: ray.time,
             skip_inside: [ray.skip, ray.skip_instance],
-            axes,
-            turned_origin: turn(ray.origin),
-            turned_inv_dir,
-            turned_inv_far: turn(inv_far),
-            shear: [x / z, y / z, turned_inv_dir[2]],
         })
     }
 
-    /// A ray that is known to be finite, for `accel::Bvh8Plain`: without slack,
-    /// shear and primitives to leave out.
+    /// A ray that is known to be finite, for `accel::Bvh8Plain`: without shear
+    /// and primitives to leave out.
     #[inline(always)]
     pub(crate) fn plain(ray: &Ray) -> RayProbe {
-        let inv_dir = ray.dir.recip();
-        let inverse = inv_dir.to_array();
+        let dir = padded(ray.dir);
+        let inv_dir = dir.map(|d| 1.0 / d);
         RayProbe {
-            origin: ray.origin,
-            dir: ray.dir,
+            origin: padded(ray.origin),
+            dir,
             inv_dir,
-            inv_far: inv_dir,
+            inv_far: inv_dir.map(|i| i * RayProbe::FAR_SLACK),
+            shear: [0.0; 3],
+            axes: AXES[0],
             t_max: ray.t_max,
             skip: Ray::NO_SKIP,
             skip_end: Ray::NO_SKIP,
             time: ray.time,
             skip_inside: [Ray::NO_SKIP; 2],
-            axes: AXES[0],
-            turned_origin: ray.origin.to_array(),
-            turned_inv_dir: inverse,
-            turned_inv_far: inverse,
-            shear: [0.0; 3],
         }
+    }
+
+    /// Where the ray begins.
+    #[must_use]
+    #[inline(always)]
+    pub fn origin(&self) -> Vec3 {
+        let [x, y, z, _] = self.origin;
+        Vec3::new(x, y, z)
+    }
+
+    /// Where it goes.
+    #[must_use]
+    #[inline(always)]
+    pub fn dir(&self) -> Vec3 {
+        let [x, y, z, _] = self.dir;
+        Vec3::new(x, y, z)
     }
 
     /// True when the ray leaves this primitive out.
@@ -121,11 +128,11 @@ impl RayProbe {
     }
 
     /// The interval in which the ray is inside a box, as (near, far); empty
-    /// when near > far. `near` is at least 0; `far` carries the slack.
+    /// unless near < far. `near` is at least 0; `far` carries the slack.
     #[must_use]
     #[inline(always)]
     pub fn interval(&self, bounds: &Bounds) -> (f32, f32) {
-        let (lower, upper) = (bounds.min - self.origin, bounds.max - self.origin);
+        let (lower, upper) = (bounds.min - self.origin(), bounds.max - self.origin());
         let (mut near, mut far) = (0.0f32, f32::INFINITY);
         for axis in 0..3 {
             let behind = self.inv_dir[axis].is_sign_negative();
@@ -143,7 +150,7 @@ impl RayProbe {
     #[inline]
     pub fn confine(&self, t: f32, bounds: &Bounds, t_max: f32) -> Option<f32> {
         let (near, far) = self.interval(bounds);
-        if !(near <= far) {
+        if !(near < far) {
             return None;
         }
         let t = if t < near { near } else { t };
@@ -154,11 +161,17 @@ impl RayProbe {
     /// A vertex relative to the origin, with the axes turned.
     #[inline(always)]
     pub(crate) fn relative(&self, vertex: Vec3) -> Vec3 {
-        let v = vertex - self.origin;
+        let v = vertex - self.origin();
         let v = [v.x, v.y, v.z, 0.0];
-        Vec3::from_array(self.axes.map(|axis| v[usize::from(axis & 3)]))
+        let [x, y, z, _] = self.axes;
+        Vec3::from_array([x, y, z].map(|axis| v[usize::from(axis & 3)]))
     }
 }
 
-/// By whether x is the longest, and whether y is.
-const AXES: [[u8; 3]; 4] = [[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 1, 2]];
+#[inline(always)]
+fn padded(v: Vec3) -> [f32; 4] {
+    [v.x, v.y, v.z, 0.0]
+}
+
+/// By the axis that comes last.
+const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];

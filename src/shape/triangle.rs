@@ -52,11 +52,34 @@ fn exact(scale_z: f32, sheared: [(f32, f32, f32); 3]) -> Option<(f32, f32, f32)>
     (t > 0.0 && t.is_finite()).then_some((t, (v * inv) as f32, (w * inv) as f32))
 }
 
-/// The box of a triangle, widened by the rounding of the intersection test.
+/// The box of a triangle, widened by the rounding of the intersection test: see
+/// [`bounds_of`].
 #[inline]
 pub fn bounds(vertices: &[Vec3; 3]) -> Bounds {
     let [a, b, c] = *vertices;
-    widen(Bounds { min: a.min(b).min(c), max: a.max(b).max(c) })
+    bounds_of(Bounds { min: a.min(b).min(c), max: a.max(b).max(c) })
+}
+
+/// Relative to the largest coordinate of a box, how far beside it a ray may pass
+/// that the intersection test lets hit what is inside.
+///
+/// The test moves vertices by up to 5 units of rounding (2⁻²⁴) of their distance
+/// from the origin, which is at most twice the largest coordinate and the way to
+/// the hit; for the way there is [`RayProbe::FAR_SLACK`].
+pub const WIDENING: f32 = gamma(8);
+
+/// Widens a box by [`WIDENING`], but not across an axis along which what is
+/// inside is flat.
+///
+/// The parameter at which a ray crosses a plane x = c has a small relative
+/// error, all others move the point within the plane: all roundings but that of
+/// c - x of the origin can be taken for errors of the other two coordinates. So
+/// the box of a wall stays flat, and a ray that leaves it does not meet it.
+#[inline]
+pub fn bounds_of(bounds: Bounds) -> Bounds {
+    let e = bounds.min.abs().max(bounds.max.abs()).max_element() * WIDENING;
+    let e = Vec3::select(bounds.min.cmplt(bounds.max), Vec3::splat(e), Vec3::ZERO);
+    Bounds { min: bounds.min - e, max: bounds.max + e }
 }
 
 /// Widens a box by γ(4) of its largest coordinate, on all sides.
