@@ -1,4 +1,4 @@
-//! Embree beyond what every accelerator is tested for (`agree`, `watertight`,
+//! Embree beyond what every accelerator is tested for (`agree`, `robust`,
 //! `analytic` and `determinism` run over it too): the scales it must be kept
 //! from, the floating-point mode it must leave alone, and how far its own
 //! triangle test is from ours.

@@ -12,6 +12,7 @@
 //! [`MOST_MEANS`] of them); and a mean that is not known well enough fails as
 //! undecided, so that noise passes nothing.
 
+mod exact;
 mod geometry;
 mod invariants;
 mod lights;

@@ -5,7 +5,7 @@
 use crate::accel::Accel;
 use crate::desc::Mesh;
 use crate::math::{DQuat, DVec3, Ray, Transform, Vec3};
-use crate::shape::{Geometry, GeometryBuilder, MeshOptions};
+use crate::shape::{Geometry, GeometryBuilder, MeshOptions, SurfacePoint};
 
 /// A case, how often it went wrong, and of how many tries.
 pub(super) type Cases = Vec<(String, f64, u64)>;
@@ -139,6 +139,27 @@ pub(super) fn leaks(
     }
 }
 
+/// What a ray from a point meets when it is sent near a vertex, near an edge or
+/// to the middle of a triangle, by turns: its corners and the surface there.
+pub(super) fn hit_near(
+    geometry: &Geometry,
+    accel: &Accel,
+    turn: u64,
+    origin: Vec3,
+    random: &mut Random,
+) -> Option<([Vec3; 3], SurfacePoint)> {
+    let [a, b, c] = geometry.triangle(random.below(geometry.triangle_count()))?;
+    let w = random.unit();
+    let near = match turn % 3 {
+        0 => a + (b - a) * 1e-5 + (c - a) * 1e-5,
+        1 => a * w + b * (1.0 - w) + (c - a) * 1e-5,
+        _ => (a + b + c) / 3.0,
+    };
+    let ray = Ray::new(origin, near - origin);
+    let hit = accel.closest(geometry, &ray)?;
+    Some((geometry.triangle(hit.prim)?, geometry.surface(&ray, &hit)))
+}
+
 /// Hits a convex body from outside, near vertices, near edges and in the middle
 /// of faces, and leaves it outward: what meets anything again.
 pub(super) fn met_again(
@@ -153,19 +174,8 @@ pub(super) fn met_again(
         let mut random = Random(7);
         let (mut again, mut tried) = (0, 0);
         for i in 0..count {
-            let Some([a, b, c]) = geometry.triangle(random.below(geometry.triangle_count())) else {
-                continue;
-            };
-            let w = random.unit();
-            let near = match i % 3 {
-                0 => a + (b - a) * 1e-5 + (c - a) * 1e-5,
-                1 => a * w + b * (1.0 - w) + (c - a) * 1e-5,
-                _ => (a + b + c) / 3.0,
-            };
             let origin = from(&mut random);
-            let ray = Ray::new(origin, near - origin);
-            let Some(hit) = accel.closest(geometry, &ray) else { continue };
-            let surface = geometry.surface(&ray, &hit);
+            let Some((_, surface)) = hit_near(geometry, &accel, i, origin, &mut random) else { continue };
             let dir = random.direction();
             let dir = if dir.dot(surface.ng) < 0.0 { -dir } else { dir };
             again += u64::from(accel.closest(geometry, &surface.spawn(dir)).is_some());

@@ -45,6 +45,12 @@ impl Group {
         self.runs.first().map_or(0, Vec::len)
     }
 
+    /// Each value over the number of runs, run after run.
+    fn shares(&self) -> Vec<f64> {
+        let n = self.runs.len() as f64;
+        self.runs.iter().flatten().map(|v| v / n).collect()
+    }
+
     /// Mean of each value over the runs.
     fn means(&self) -> Vec<f64> {
         let n = self.runs.len() as f64;
@@ -189,20 +195,26 @@ fn studentised(groups: &[Group], at: &[f64], gradient: &[f64], scale: Scale) -> 
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (((state >> 32) * n as u64) >> 32) as usize
     };
+    let shares: Vec<Vec<f64>> = groups.iter().map(Group::shares).collect();
     let (mut picked, mut means) = (Vec::new(), Vec::new());
     let mut draws = Vec::with_capacity(DRAWS);
     for _ in 0..DRAWS {
         let (mut moved, mut variance, mut from) = (0.0, 0.0, 0);
-        for group in groups {
+        for (group, shares) in groups.iter().zip(&shares) {
             let (n, width) = (group.runs.len(), group.width());
             let (gradient, at) = (&gradient[from..from + width], &at[from..from + width]);
             from += width;
             picked.clear();
             picked.extend((0..n).map(|_| below(n)));
+            // Most figures depend on few groups.
+            if gradient.iter().all(|g| *g == 0.0) {
+                continue;
+            }
             means.clear();
             means.resize(width, 0.0);
             for run in &picked {
-                means.iter_mut().zip(&group.runs[*run]).for_each(|(m, v)| *m += v / n as f64);
+                let share = &shares[width * run..][..width];
+                means.iter_mut().zip(share).for_each(|(m, v)| *m += v);
             }
             let terms = gradient.iter().zip(&means).zip(at).filter(|((g, _), _)| **g != 0.0);
             moved += terms.map(|((g, m), a)| g * (scaled(*m, scale) - a)).sum::<f64>();
