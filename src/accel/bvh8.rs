@@ -187,13 +187,11 @@ impl WideTask for Closest<'_> {
             if !current.is_leaf() {
                 let node = self.bvh.wide.arena.node(current);
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
+                test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
                     current = match single(mask, node) {
                         Some(child) => child,
-                        None => {
-                            test.fetch(mask, node, &self.bvh.wide.arena);
-                            test.descend(mask, near, node, &mut stack)
-                        }
+                        None => test.descend(mask, near, node, &mut stack),
                     };
                     continue;
                 }
@@ -271,13 +269,11 @@ impl WideTask for Occluded<'_> {
             if !current.is_leaf() {
                 let node = self.bvh.wide.arena.node(current);
                 let (mask, _) = test.boxes(&ray, node, limit);
+                test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
                     current = match single(mask, node) {
                         Some(child) => child,
-                        None => {
-                            test.fetch(mask, node, &self.bvh.wide.arena);
-                            test.descend_any(mask, node, &mut stack)
-                        }
+                        None => test.descend_any(mask, node, &mut stack),
                     };
                     continue;
                 }
