@@ -457,7 +457,7 @@ fn area_light(geometry: &Geometry, textured: bool) -> AreaLight {
     let radiance = if textured { Value::Object(texture) } else { float(1.0) };
     let id = d.object(Category::Emitter, "area", vec![("radiance", radiance)]);
     let emission = area_emission_from_desc(&d.scene, id).expect("an emitter");
-    AreaLight { sampler: ShapeSampler::new(geometry, 0).expect("a shape with area"), emission }
+    AreaLight::new(geometry, ShapeSampler::new(geometry, 0).expect("a shape with area"), emission)
 }
 
 /// Glowing shapes and a point that sees them.

@@ -2,7 +2,7 @@
 
 use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::shape::{Geometry, PrimId, ShapeSampler, SurfacePoint};
+use crate::shape::{Geometry, Pattern, PrimId, ShapeSampler, SurfacePoint};
 use crate::texture::Texture;
 
 /// What an `area` emitter says about itself.
@@ -28,6 +28,20 @@ impl AreaEmission {
 
     fn front(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
         if n.dot(wo) > 0.0 { self.radiance.eval(uv) } else { Rgb::ZERO }
+    }
+
+    /// A sampler that goes by what is emitted: by texels where they differ.
+    #[must_use]
+    pub fn sampler(&self, geometry: &Geometry, sampler: ShapeSampler) -> ShapeSampler {
+        let mean = grey(self.radiance.mean());
+        if self.radiance.is_constant().is_some() {
+            return sampler.without_uv();
+        }
+        if !(mean > 0.0) || !mean.is_finite() {
+            return sampler;
+        }
+        let value = |uv: Vec2| grey(self.radiance.eval(uv));
+        sampler.with_pattern(geometry, &Pattern { value: &value, mean, raster: self.radiance.raster() })
     }
 
     /// The size of what is emitted, for the unit of exact sums.
@@ -93,8 +107,24 @@ impl AreaLight {
         })
     }
 
+    /// An area light: a shape and what it emits.
+    #[must_use]
+    pub fn new(geometry: &Geometry, sampler: ShapeSampler, emission: AreaEmission) -> AreaLight {
+        AreaLight { sampler: emission.sampler(geometry, sampler), emission }
+    }
+
+    /// Emitted power, grey.
     pub(super) fn power(&self) -> f64 {
-        std::f64::consts::PI * self.sampler.area() * grey(self.emission.radiance.mean())
+        std::f64::consts::PI * self.sampler.area() * self.mean_radiance()
+    }
+
+    fn mean_radiance(&self) -> f64 {
+        self.sampler.mean_of_all().unwrap_or_else(|| grey(self.emission.radiance.mean()))
+    }
+
+    /// Mean radiance of one part, grey.
+    pub(super) fn radiance_of(&self, prim: PrimId) -> f64 {
+        self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()))
     }
 
     pub(super) fn memory_bytes(&self) -> usize {

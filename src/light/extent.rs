@@ -3,9 +3,8 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use super::{AreaLight, Light, grey};
-use crate::math::{Bounds, Rgb, Vec2, Vec3, angle_between};
-use crate::sampling::uniform_triangle;
+use super::{AreaLight, Light};
+use crate::math::{Bounds, Vec2, Vec3, angle_between};
 use crate::shape::{Analytic, Geometry, Hit, PrimId, SurfacePoint};
 
 /// Bounds of one emitter: a whole light, or one triangle of it.
@@ -102,7 +101,7 @@ impl AreaLight {
         let prims = prim..prim + prims;
         let area: f64 = prims.clone().map(|prim| geometry.area(prim)).sum();
         let bounds = prims.clone().map(|prim| geometry.prim_bounds(prim)).fold(Bounds::EMPTY, Bounds::union);
-        let power = std::f64::consts::PI * area * self.radiance(geometry, prim);
+        let power = std::f64::consts::PI * area * self.radiance_of(prims.start);
         if !(power > 0.0) || !power.is_finite() {
             return None;
         }
@@ -135,24 +134,5 @@ impl AreaLight {
             &Hit { t: 1.0, prim, u, v, instance: Hit::NO_INSTANCE },
             0.0,
         )
-    }
-
-    /// Mean radiance of a primitive, grey. Of a textured triangle half of that
-    /// is a few points of its own, half the mean of the texture: nothing that
-    /// the points miss is lost.
-    fn radiance(&self, geometry: &Geometry, prim: PrimId) -> f64 {
-        let texture = &self.emission.radiance;
-        let mean = grey(texture.mean());
-        if texture.is_constant().is_some() || geometry.triangle(prim).is_none() {
-            return mean;
-        }
-        let side = 4u32;
-        let mut sum = Rgb::ZERO;
-        for i in 0..side * side {
-            let u = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
-            let (b1, b2) = uniform_triangle(u);
-            sum += texture.eval(self.triangle_point(geometry, prim, b1, b2).uv);
-        }
-        0.5 * mean + 0.5 * grey(sum / (side * side) as f32)
     }
 }

@@ -205,9 +205,7 @@ impl Builder<'_> {
                         lights.push(beam.into());
                         continue;
                     }
-                    let plain = emission.radiance.is_constant().is_some();
-                    let sampler = if plain { sampler.without_uv() } else { sampler };
-                    (Light::Area(AreaLight { sampler, emission }), Some(shape))
+                    (Light::Area(AreaLight::new(&geometry, sampler, emission)), Some(shape))
                 }
             };
             if light.power(radius) <= 0.0 {
