@@ -46,8 +46,11 @@ pub(crate) struct OnPrim {
     pub table: Option<SquareTable>,
 }
 
-/// Sampling by a pattern pays from this contrast on ([`SquareTable::contrast`]).
-const MIN_CONTRAST: f64 = 1.1;
+/// From this contrast on ([`SquareTable::contrast`]) a pattern is worth a table:
+/// far away nothing else varies to speak of.
+const MIN_CONTRAST: f64 = 1.005;
+/// From this one on it counts nearby, where the distance varies as well.
+pub(crate) const NEAR_CONTRAST: f64 = 1.25;
 /// Cells in a row of a table of texels; beyond, several texels share one.
 const MAX_COLUMNS: usize = 2048;
 /// Texels in a row that are looked at one by one.

@@ -4,13 +4,13 @@
 //! rectangles and triangles by solid angle, all else uniformly in area: meshes
 //! choose a triangle by area and a point in it.
 //! What glows by a texture is sampled by that ([`ShapeSampler::with_pattern`]):
-//! far away by its texels alone, nearby half by texels and half by solid angle,
-//! since both vary there.
+//! far away by its texels alone; nearby by solid angle, or if they differ much
+//! half by texels and half by solid angle, since both vary there.
 //! Densities are per solid angle at the reference point; the area measure is
 //! converted by the *geometric* normal, dist² / (|cos θ|·A). Which side emits
 //! is for the light to decide.
 
-use super::pattern::{Layout, OnPrim, Pattern};
+use super::pattern::{Layout, NEAR_CONTRAST, OnPrim, Pattern};
 use super::quad::Quad;
 use super::view::RectFrame;
 use super::{
@@ -471,12 +471,14 @@ impl View {
 }
 
 /// A place of the unit square by a table, or the numbers to sample without
-/// one. What is near is sampled half by its table.
+/// one. What is near is sampled half by its table, if that varies more than
+/// the distance does.
 #[inline]
 fn by_table(table: Option<&SquareTable>, near: bool, u: Vec2) -> Result<[f64; 2], Vec2> {
     match table {
         None => Err(u),
         Some(table) if !near => Ok(table.sample(u)),
+        Some(table) if table.contrast() < NEAR_CONTRAST => Err(u),
         Some(table) if u.x < 0.5 => Ok(table.sample(Vec2::new(2.0 * u.x, u.y))),
         Some(_) => Err(Vec2::new(2.0 * u.x - 1.0, u.y)),
     }
@@ -496,6 +498,7 @@ fn density(
         (None, Some(near)) => near,
         (None, None) => by_area(),
         (Some(table), None) => table.density(place()) * by_area(),
+        (Some(table), Some(near)) if table.contrast() < NEAR_CONTRAST => near,
         (Some(table), Some(near)) => 0.5 * near + 0.5 * table.density(place()) * by_area(),
     }
 }
