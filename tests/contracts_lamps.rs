@@ -1,4 +1,4 @@
-//! Contracts of lamps that glow by a texture: the density of sampling is the one
+//! Contracts of lamps that glow by a texture, that move, or stand in instances: the density of sampling is the one
 //! that hits are weighed by, it is positive where there is light, and what it
 //! finds is what looking everywhere finds.
 
@@ -13,10 +13,11 @@ use std::f64::consts::PI;
 
 use chi2::chi2;
 use describe::{Describe, string, transform};
+use etendue::accel::Accel;
 use etendue::desc::{Category, Mesh, Pixels, Value};
 use etendue::light::{AreaLight, Light, Receiver, Target, area_emission_from_desc};
-use etendue::math::{DMat4, DVec3, Frame, Ray, Transform, Vec2, Vec3};
-use etendue::shape::{Geometry, GeometryBuilder, MeshOptions, ShapeSampler, SurfacePoint};
+use etendue::math::{DMat4, DQuat, DVec3, Frame, Motion, Ray, Transform, Vec2, Vec3};
+use etendue::shape::{Geometry, GeometryBuilder, Hit, MeshOptions, ShapeSampler, SurfacePoint};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -159,12 +160,6 @@ fn shapes() -> Vec<(&'static str, Geometry, Vec<Vec3>)> {
     ]
 }
 
-fn closest(geometry: &Geometry, ray: &Ray) -> Option<SurfacePoint> {
-    let hits = (0..geometry.prim_count()).filter_map(|prim| geometry.intersect(prim, ray, f32::INFINITY));
-    let hit = hits.min_by(|a, b| a.t.total_cmp(&b.t))?;
-    Some(geometry.surface(ray, &hit))
-}
-
 /// Cells of the directions around an axis: squares of the plane at distance 1.
 struct Window {
     frame: Frame,
@@ -173,16 +168,16 @@ struct Window {
 }
 
 impl Window {
-    /// Around the middle of what is seen of a geometry.
-    fn of(geometry: &Geometry, p: Vec3) -> Window {
-        let bounds = geometry.bounds();
-        let frame = Frame::from_normal((bounds.centre() - p).normalize());
-        let corner = |i: usize| {
-            let pick = |bit: usize| if i >> bit & 1 == 0 { bounds.min } else { bounds.max };
-            let local = frame.to_local(Vec3::new(pick(0).x, pick(1).y, pick(2).z) - p);
+    /// Around what lies between these points.
+    fn of(corners: &[Vec3], p: Vec3) -> Window {
+        let centre = corners.iter().sum::<Vec3>() / corners.len() as f32;
+        let frame = Frame::from_normal((centre - p).normalize());
+        let reach = |corner: &Vec3| {
+            let local = frame.to_local(*corner - p);
+            assert!(local.z > 0.0, "not in view: {corner} from {p}");
             f64::from(local.x.abs().max(local.y.abs()) / local.z)
         };
-        let reach = (0..8).map(corner).fold(0.0, f64::max) * 1.01;
+        let reach = corners.iter().map(reach).fold(0.0, f64::max) * 1.01;
         Window { frame, reach, cells: 24 }
     }
 
@@ -221,76 +216,320 @@ struct Seen {
     radiance: DVec3,
 }
 
-fn look_everywhere(area: &AreaLight, geometry: &Geometry, p: Vec3, window: &Window, name: &str) -> Seen {
-    let mut seen =
-        Seen { expected: vec![0.0; window.cells * window.cells], total: 0.0, radiance: DVec3::ZERO };
-    let mut dark = 0.0;
-    window.each(32, |cell, wi, solid_angle| {
-        let Some(hit) = closest(geometry, &Ray::new(p, wi)) else { return };
-        let pdf = f64::from(area.pdf(geometry, p, &hit, wi, (hit.p - p).length_squared()));
-        let le = area.emitted(&hit, -wi).as_dvec3();
-        assert!(pdf >= 0.0 && pdf.is_finite(), "{name}: {pdf}");
-        if pdf == 0.0 {
-            dark += le.element_sum() * solid_angle;
-        }
-        seen.expected[cell] += pdf * solid_angle;
-        seen.total += pdf * solid_angle;
-        seen.radiance += le * solid_angle;
-    });
-    // At the border of a black texel rounding decides.
-    assert!(dark <= 1e-5 * seen.radiance.element_sum(), "{name}: {dark} cannot be found");
-    seen
+/// One light as one receiver sees it.
+struct Case<'a> {
+    name: String,
+    geometry: &'a Geometry,
+    accel: &'a Accel,
+    area: &'a AreaLight,
+    receiver: Receiver,
+    /// What contains it at that time.
+    corners: Vec<Vec3>,
 }
 
-/// χ² of directions against the density of hits, which integrates to one; the
-/// mean of radiance over density is the integral of radiance.
+impl Case<'_> {
+    fn closest(&self, wi: Vec3) -> Option<SurfacePoint> {
+        let ray = Ray { time: self.receiver.time, ..Ray::new(self.receiver.p, wi) };
+        let hit = self.accel.closest(self.geometry, &ray)?;
+        Some(self.geometry.surface(&ray, &hit))
+    }
+
+    fn pdf(&self, hit: &SurfacePoint, wi: Vec3) -> f32 {
+        let distance_squared = (hit.p - self.receiver.p).length_squared();
+        self.area.pdf(self.geometry, &self.receiver, hit, wi, distance_squared)
+    }
+
+    fn look_everywhere(&self, window: &Window) -> Seen {
+        let name = &self.name;
+        let mut seen =
+            Seen { expected: vec![0.0; window.cells * window.cells], total: 0.0, radiance: DVec3::ZERO };
+        let mut dark = 0.0;
+        window.each(32, |cell, wi, solid_angle| {
+            let Some(hit) = self.closest(wi) else { return };
+            let pdf = f64::from(self.pdf(&hit, wi));
+            let le = self.area.emitted(&hit, -wi).as_dvec3();
+            assert!(pdf >= 0.0 && pdf.is_finite(), "{name}: {pdf}");
+            if pdf == 0.0 {
+                dark += le.element_sum() * solid_angle;
+            }
+            seen.expected[cell] += pdf * solid_angle;
+            seen.total += pdf * solid_angle;
+            seen.radiance += le * solid_angle;
+        });
+        // At the border of a black texel rounding decides.
+        assert!(dark <= 1e-5 * seen.radiance.element_sum(), "{name}: {dark} cannot be found");
+        seen
+    }
+
+    /// χ² of directions against the density of hits, which integrates to one; the
+    /// mean of radiance over density is the integral of radiance.
+    fn check(&self) {
+        let Case { name, geometry, receiver, .. } = self;
+        let light = Light::from(self.area.clone());
+        let window = Window::of(&self.corners, receiver.p);
+        let seen = self.look_everywhere(&window);
+        assert!((seen.total - 1.0).abs() < 6e-3, "{name}: the density integrates to {}", seen.total);
+        let mut rng = Pcg64Mcg::seed_from_u64(17);
+        let n = 20_000;
+        let mut counts = vec![0u64; seen.expected.len()];
+        let (mut sum, mut squares, mut odd) = (DVec3::ZERO, DVec3::ZERO, 0);
+        for _ in 0..n {
+            let u = Vec2::new(rng.random(), rng.random());
+            let found = light.sample(geometry, receiver, u);
+            if self.area.instance == Hit::NO_INSTANCE {
+                // A light leaves out what is black: its shape does not.
+                let point = self.area.sampler.sample(geometry, receiver.p, u).unwrap();
+                counts[window.cell(point.wi).unwrap_or(0)] += 1;
+            } else if let Some(s) = &found {
+                counts[window.cell(s.wi).unwrap_or(0)] += 1;
+            }
+            let Some(s) = found else { continue };
+            let Target::Surface(target) = s.target else { panic!("{name}") };
+            let weight = s.radiance.as_dvec3() / f64::from(s.pdf);
+            sum += weight;
+            squares += weight * weight;
+            let Some(hit) = self.closest(s.wi) else { continue };
+            let pdf = self.pdf(&hit, s.wi);
+            // At the edge of a texel or of a triangle rounding finds the other side.
+            odd += u32::from((pdf / s.pdf - 1.0).abs() > 2e-3 && (hit.p - target.p).length() < 1e-4);
+        }
+        assert!(odd < 40, "{name}: {odd} of {n} densities differ");
+        let expected: Vec<f64> = seen.expected.iter().map(|e| e / seen.total * f64::from(n)).collect();
+        let result = chi2(&expected, &counts);
+        assert!(result.p_value > 1e-5, "{name}: {result:?}");
+        let mean = sum / f64::from(n);
+        let error = ((squares / f64::from(n) - mean * mean).max(DVec3::ZERO) / f64::from(n)).powf(0.5);
+        let off = (mean - seen.radiance).abs() - error * 4.5 - seen.radiance * 6e-3;
+        assert!(off.max_element() < 0.0, "{name}: sampled {mean} ± {error}, seen {}", seen.radiance);
+    }
+}
+
 #[test]
 fn textured_lamps_sample_what_they_say() {
     let mut cases = 0;
     for (shape, geometry, points) in shapes() {
+        let accel = Accel::build_named(Some("brute"), &geometry).unwrap();
         for look in looks() {
             let area = lamp(&geometry, &look);
-            let light = Light::from(area.clone());
             for p in &points {
                 let name = format!("{shape}, {} from {p}", look.name);
-                let window = Window::of(&geometry, *p);
-                let seen = look_everywhere(&area, &geometry, *p, &window, &name);
-                assert!((seen.total - 1.0).abs() < 6e-3, "{name}: the density integrates to {}", seen.total);
-                let mut rng = Pcg64Mcg::seed_from_u64(17);
-                let n = 20_000;
-                let mut counts = vec![0u64; seen.expected.len()];
-                let (mut sum, mut squares, mut odd) = (DVec3::ZERO, DVec3::ZERO, 0);
-                for _ in 0..n {
-                    let u = Vec2::new(rng.random(), rng.random());
-                    // A light leaves out what is black: its shape does not.
-                    let point = area.sampler.sample(&geometry, *p, u).unwrap();
-                    counts[window.cell(point.wi).unwrap_or(0)] += 1;
-                    let Some(s) = light.sample(&geometry, &Receiver::free(*p), u) else { continue };
-                    let Target::Surface(target) = s.target else { panic!("{name}") };
-                    assert_eq!((target, s.pdf), (point, point.pdf), "{name}");
-                    let weight = s.radiance.as_dvec3() / f64::from(s.pdf);
-                    sum += weight;
-                    squares += weight * weight;
-                    let Some(hit) = closest(&geometry, &Ray::new(*p, s.wi)) else { continue };
-                    let pdf = area.pdf(&geometry, *p, &hit, s.wi, (hit.p - *p).length_squared());
-                    // At the edge of a texel or of a triangle rounding finds the other side.
-                    odd += u32::from((pdf / s.pdf - 1.0).abs() > 2e-3 && (hit.p - target.p).length() < 1e-4);
-                }
-                assert!(odd < 40, "{name}: {odd} of {n} densities differ");
-                let expected: Vec<f64> =
-                    seen.expected.iter().map(|e| e / seen.total * f64::from(n)).collect();
-                let result = chi2(&expected, &counts);
-                assert!(result.p_value > 1e-5, "{name}: {result:?}");
-                let mean = sum / f64::from(n);
-                let error =
-                    ((squares / f64::from(n) - mean * mean).max(DVec3::ZERO) / f64::from(n)).powf(0.5);
-                let off = (mean - seen.radiance).abs() - error * 4.5 - seen.radiance * 6e-3;
-                assert!(off.max_element() < 0.0, "{name}: sampled {mean} ± {error}, seen {}", seen.radiance);
+                let receiver = Receiver::free(*p);
+                let corners = geometry.bounds().corners().map(|c| c.as_vec3()).to_vec();
+                Case { name, geometry: &geometry, accel: &accel, area: &area, receiver, corners }.check();
                 cases += 1;
             }
         }
     }
     assert_eq!(cases, 8 * 6 * 2);
+}
+
+/// Shapes of a group, that shine upwards in its space.
+fn group_shapes() -> Vec<(&'static str, GeometryBuilder)> {
+    let build = |add: &dyn Fn(&mut GeometryBuilder)| {
+        let mut b = GeometryBuilder::new();
+        assert_eq!(b.begin_group(), 1);
+        add(&mut b);
+        b
+    };
+    let roof = Mesh {
+        positions: [[-1.0, -1.0, 0.2], [1.0, -1.0, 0.0], [1.0, 1.0, 0.2], [-1.0, 1.0, 0.0]]
+            .map(Vec3::from)
+            .to_vec(),
+        uvs: [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(Vec2::from).to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+        ..Mesh::default()
+    };
+    let id = Transform::IDENTITY;
+    vec![
+        (
+            "rectangle",
+            build(&|b| {
+                b.add_rectangle(&id, false).unwrap();
+            }),
+        ),
+        (
+            "disk",
+            build(&|b| {
+                b.add_disk(&id, false).unwrap();
+            }),
+        ),
+        (
+            "sphere",
+            build(&|b| {
+                b.add_sphere(DVec3::ZERO, 0.6, &id, false).unwrap();
+            }),
+        ),
+        (
+            "mesh",
+            build(&|b| {
+                b.add_mesh(&roof, &id, MeshOptions::default()).unwrap();
+            }),
+        ),
+    ]
+}
+
+/// Ways of an instance, with the times to look at.
+fn ways() -> Vec<(&'static str, Motion, Vec<f32>)> {
+    let pose = |scale: DVec3, angle: f64, at: DVec3| {
+        let rotation = DQuat::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), angle);
+        Transform::from_matrix(DMat4::from_scale_rotation_translation(scale, rotation, at)).unwrap()
+    };
+    let (one, far) = (DVec3::ONE, DVec3::new(20.0, -3.0, 5.0));
+    let moving = |keys: [Transform; 2]| Motion::new(&[(0.0, keys[0]), (1.0, keys[1])]).unwrap();
+    let stretched = DVec3::new(0.7, -1.5, 0.8);
+    vec![
+        ("still and stretched", Motion::still(pose(stretched, 0.4, far)), vec![0.0]),
+        ("still and large", Motion::still(pose(one * 1e4, 0.2, far * 1e4)), vec![0.0]),
+        ("turning", moving([pose(one, 0.0, far), pose(one, 0.5, far + DVec3::X)]), vec![0.0, 0.3, 1.0]),
+        ("growing", moving([pose(stretched, 0.1, far), pose(stretched * 2.0, 0.3, far)]), vec![0.2, 0.9]),
+    ]
+}
+
+fn plain_lamp(geometry: &Geometry, textured: bool) -> AreaLight {
+    let look = Look {
+        name: "",
+        size: [4, 4],
+        value: |x, y| if textured_value(x, y) { 9.0 } else { 1.0 },
+        params: vec![("filter_type", string("nearest"))],
+    };
+    let even = Look { name: "", size: [1, 1], value: |_, _| 2.0, params: vec![] };
+    lamp(geometry, if textured { &look } else { &even })
+}
+
+fn textured_value(x: u32, y: u32) -> bool {
+    (x + 2 * y).is_multiple_of(5)
+}
+
+/// The same of lamps in instances, at several times.
+#[test]
+fn placed_lamps_sample_what_they_say() {
+    let mut cases = 0;
+    for (shape, builder) in group_shapes() {
+        for (way, motion, times) in ways() {
+            let mut builder = builder.clone();
+            builder.add_instance(1, motion.clone());
+            let geometry = builder.finish();
+            let accel = Accel::build_named(Some("brute"), &geometry).unwrap();
+            for textured in [false, true] {
+                let area = plain_lamp(&geometry, textured).placed(&geometry, geometry.first_instance());
+                for time in &times {
+                    for height in [1.5, 6.0] {
+                        // Above it in its own space.
+                        let pose = motion.at(f64::from(*time));
+                        let p = pose.point_f32(Vec3::new(0.2, 0.1, height));
+                        let corners =
+                            geometry.part_bounds(1).corners().map(|c| pose.point(c).as_vec3()).to_vec();
+                        let receiver = Receiver { time: *time, ..Receiver::free(p) };
+                        let name =
+                            format!("{shape}, {way} at {time}, textured {textured}, from height {height}");
+                        Case { name, geometry: &geometry, accel: &accel, area: &area, receiver, corners }
+                            .check();
+                        cases += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(cases, 4 * 7 * 2 * 2);
+}
+
+/// Whatever the time, every point of a lamp lies within its bounds, and its
+/// normal within the cone of normals.
+#[test]
+fn bounds_hold_over_the_shutter() {
+    let mut rng = Pcg64Mcg::seed_from_u64(2);
+    let (mut seen, mut cones) = (0, 0);
+    for (shape, builder) in group_shapes() {
+        for (way, motion, _) in ways() {
+            let mut builder = builder.clone();
+            builder.add_instance(1, motion.clone());
+            let geometry = builder.finish();
+            let light =
+                Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
+            let emitters = light.emitters(&geometry, 0);
+            assert!(!emitters.is_empty());
+            let power: f64 = emitters.iter().map(|e| e.extent.power).sum();
+            assert!((light.power(1.0) / power - 1.0).abs() < 1e-9, "{shape}, {way}");
+            for _ in 0..2000 {
+                let time: f32 = rng.random();
+                let u = Vec2::new(rng.random(), rng.random());
+                let p = motion.at(f64::from(time)).point_f32(Vec3::new(0.2, 0.1, 2.0));
+                let receiver = Receiver { time, ..Receiver::free(p) };
+                let Some(s) = light.sample(&geometry, &receiver, u) else { continue };
+                let Target::Surface(target) = s.target else { panic!() };
+                let own = |e: &&etendue::light::Emitter| (e.prim..e.prim + e.prims).contains(&target.prim);
+                let extent = emitters.iter().find(own).unwrap().extent;
+                let (min, max) = (extent.bounds.min, extent.bounds.max);
+                assert!(target.p.cmpge(min).all() && target.p.cmple(max).all(), "{shape}, {way} at {time}");
+                assert!(
+                    target.p.distance(extent.bounds.centre()) <= extent.radius,
+                    "{shape}, {way} at {time}"
+                );
+                let angle = etendue::math::angle_between(target.n, extent.axis);
+                assert!(angle <= extent.spread, "{shape}, {way} at {time}: {angle} {}", extent.spread);
+                seen += 1;
+                cones += u32::from(extent.spread < 1.0);
+            }
+        }
+    }
+    // All but spheres and what grows have a cone.
+    assert!(seen > 25_000 && cones > 15_000, "{seen} {cones}");
+}
+
+/// A lamp in an instance does not shadow itself, however far away and however
+/// flat the ray arrives.
+#[test]
+fn placed_lamps_do_not_shadow_themselves() {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let (mut traced, mut occluded) = (0, 0);
+    for (shape, builder) in group_shapes() {
+        for (way, motion, _) in ways() {
+            let mut builder = builder.clone();
+            builder.add_instance(1, motion.clone());
+            let geometry = builder.finish();
+            let accel = Accel::build_named(None, &geometry).unwrap();
+            let light =
+                Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
+            for i in 0..4000 {
+                let time: f32 = rng.random();
+                let far = 10f32.powf(4.0 * rng.random::<f32>());
+                let height = if i % 2 == 0 { 0.01 } else { 1.0 };
+                let side = Vec3::new(rng.random(), rng.random(), height * rng.random::<f32>())
+                    - Vec3::new(0.5, 0.5, 0.0);
+                // Above all of it, the bent mesh included.
+                let p = motion.at(f64::from(time)).point_f32(side * 2.0 * far + Vec3::Z * 0.25);
+                let from = SurfacePoint {
+                    p,
+                    p_error: p.abs() * 1e-7,
+                    ng: Vec3::Z,
+                    ns: Vec3::Z,
+                    uv: Vec2::ZERO,
+                    barycentric: Vec2::ZERO,
+                    dpdu: Vec3::ZERO,
+                    dpdv: Vec3::ZERO,
+                    prim: u32::MAX - 1,
+                    shape: 0,
+                    instance: Hit::NO_INSTANCE,
+                    time,
+                    planar: false,
+                };
+                let u = Vec2::new(rng.random(), rng.random());
+                let receiver = Receiver { time, ..Receiver::free(p) };
+                let Some(s) = light.sample(&geometry, &receiver, u) else { continue };
+                let Target::Surface(target) = s.target else { panic!() };
+                // Folds of the mesh hide each other.
+                if shape == "mesh" && s.wi.dot(target.ng).abs() < 0.4 {
+                    continue;
+                }
+                traced += 1;
+                if accel.occluded(&geometry, &from.spawn_to(&target)) {
+                    occluded += 1;
+                    println!("{shape}, {way} at {time} from {far}: {}", s.wi.dot(target.ng));
+                }
+            }
+        }
+    }
+    assert!(traced > 30_000 && occluded == 0, "{occluded} of {traced}");
 }
 
 /// Far from a grey picture whose texels lie along a rectangle, radiance over

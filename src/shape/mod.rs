@@ -54,7 +54,7 @@ pub use builder::{GeometryBuilder, MeshOptions, MeshReport};
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use geometry::{Geometry, ShapeInfo};
-pub use instance::{Instance, Placed};
+pub use instance::{Instance, Placed, Sweep};
 pub use pattern::Pattern;
 pub use probe::RayProbe;
 pub use rectangle::Rectangle;

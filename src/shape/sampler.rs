@@ -543,6 +543,7 @@ fn finish(point: &SurfacePoint, wi: DVec3, pdf: f64) -> Option<ShapeSample> {
         uv: point.uv,
         wi: wi.as_vec3(),
         prim: point.prim,
+        instance: point.instance,
         pdf,
         planar: point.planar,
     })
