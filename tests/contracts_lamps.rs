@@ -481,51 +481,60 @@ fn bounds_hold_over_the_shutter() {
 #[test]
 fn placed_lamps_do_not_shadow_themselves() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let (mut traced, mut occluded) = (0, 0);
+    let (mut traced, mut occluded) = (0, 0u32);
+    // Turned one way in its group and back by the instance: what is rounded there
+    // goes across what is flat here.
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 0.3, 0.2).normalize(), 0.6);
+    let [tilted, back] = [turn, turn.inverse()].map(|q| Transform::from_matrix(DMat4::from_quat(q)).unwrap());
+    let mut tilt = GeometryBuilder::new();
+    tilt.begin_group();
+    tilt.add_rectangle(&tilted, false).unwrap();
+    let mut cases = vec![("tilted", tilt, "turned back", Motion::still(back))];
     for (shape, builder) in group_shapes() {
-        for (way, motion, _) in ways() {
-            let mut builder = builder.clone();
-            builder.add_instance(1, motion.clone());
-            let geometry = builder.finish();
-            let accel = Accel::build_named(None, &geometry).unwrap();
-            let light =
-                Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
-            for i in 0..4000 {
-                let time: f32 = rng.random();
-                let far = 10f32.powf(4.0 * rng.random::<f32>());
-                let height = if i % 2 == 0 { 0.01 } else { 1.0 };
-                let side = Vec3::new(rng.random(), rng.random(), height * rng.random::<f32>())
-                    - Vec3::new(0.5, 0.5, 0.0);
-                // Above all of it, the bent mesh included.
-                let p = motion.at(f64::from(time)).point_f32(side * 2.0 * far + Vec3::Z * 0.25);
-                let from = SurfacePoint {
-                    p,
-                    p_error: p.abs() * 1e-7,
-                    ng: Vec3::Z,
-                    ns: Vec3::Z,
-                    uv: Vec2::ZERO,
-                    barycentric: Vec2::ZERO,
-                    dpdu: Vec3::ZERO,
-                    dpdv: Vec3::ZERO,
-                    prim: u32::MAX - 1,
-                    shape: 0,
-                    instance: Hit::NO_INSTANCE,
-                    time,
-                    planar: false,
-                };
-                let u = Vec2::new(rng.random(), rng.random());
-                let receiver = Receiver { time, ..Receiver::free(p) };
-                let Some(s) = light.sample(&geometry, &receiver, u) else { continue };
-                let Target::Surface(target) = s.target else { panic!() };
-                // Folds of the mesh hide each other.
-                if shape == "mesh" && s.wi.dot(target.ng).abs() < 0.4 {
-                    continue;
-                }
-                traced += 1;
-                if accel.occluded(&geometry, &from.spawn_to(&target)) {
-                    occluded += 1;
-                    println!("{shape}, {way} at {time} from {far}: {}", s.wi.dot(target.ng));
-                }
+        cases.extend(ways().into_iter().map(|(way, motion, _)| (shape, builder.clone(), way, motion)));
+    }
+    for (shape, mut builder, way, motion) in cases {
+        let upright = if shape == "tilted" { tilted } else { Transform::IDENTITY };
+        builder.add_instance(1, motion.clone());
+        let geometry = builder.finish();
+        let accel = Accel::build_named(None, &geometry).unwrap();
+        let light = Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
+        for i in 0..4000 {
+            let time: f32 = rng.random();
+            let far = 10f32.powf(4.0 * rng.random::<f32>());
+            let height = if i % 2 == 0 { 0.01 } else { 1.0 };
+            let side = Vec3::new(rng.random(), rng.random(), height * rng.random::<f32>())
+                - Vec3::new(0.5, 0.5, 0.0);
+            // Above all of it, the bent mesh included.
+            let pose = motion.at(f64::from(time)).after(&upright);
+            let p = pose.point_f32(side * 2.0 * far + Vec3::Z * 0.25);
+            let from = SurfacePoint {
+                p,
+                p_error: p.abs() * 1e-7,
+                ng: Vec3::Z,
+                ns: Vec3::Z,
+                uv: Vec2::ZERO,
+                barycentric: Vec2::ZERO,
+                dpdu: Vec3::ZERO,
+                dpdv: Vec3::ZERO,
+                prim: u32::MAX - 1,
+                shape: 0,
+                instance: Hit::NO_INSTANCE,
+                time,
+                planar: false,
+            };
+            let u = Vec2::new(rng.random(), rng.random());
+            let receiver = Receiver { time, ..Receiver::free(p) };
+            let Some(s) = light.sample(&geometry, &receiver, u) else { continue };
+            let Target::Surface(target) = s.target else { panic!() };
+            // Folds of the mesh hide each other.
+            if shape == "mesh" && s.wi.dot(target.ng).abs() < 0.4 {
+                continue;
+            }
+            traced += 1;
+            if accel.occluded(&geometry, &from.spawn_to(&target)) {
+                occluded += 1;
+                println!("{shape}, {way} at {time} from {far}: {}", s.wi.dot(target.ng));
             }
         }
     }
