@@ -457,7 +457,7 @@ fn area_light(geometry: &Geometry, textured: bool) -> AreaLight {
     let radiance = if textured { Value::Object(texture) } else { float(1.0) };
     let id = d.object(Category::Emitter, "area", vec![("radiance", radiance)]);
     let emission = area_emission_from_desc(&d.scene, id).expect("an emitter");
-    AreaLight { sampler: ShapeSampler::new(geometry, 0).expect("a shape with area"), emission }
+    AreaLight::new(geometry, ShapeSampler::new(geometry, 0).expect("a shape with area"), emission)
 }
 
 /// Glowing shapes and a point that sees them.
@@ -577,7 +577,7 @@ fn area_lights_agree_with_rays_that_hit_them() {
             let weight = s.radiance.as_dvec3() / f64::from(s.pdf);
             sum += weight;
             squares += weight * weight;
-            let pdf = area.pdf(geometry, *p, &hit, s.wi, (hit.p - *p).length_squared());
+            let pdf = area.pdf(geometry, &Receiver::free(*p), &hit, s.wi, (hit.p - *p).length_squared());
             // Edge-on, rounding turns the normal; at an edge it changes the face.
             if s.wi.dot(hit.ng).abs() > 2e-3 && hit.prim == target.prim {
                 assert!((pdf / s.pdf - 1.0).abs() < 2e-3, "{name}: densities {pdf} and {}", s.pdf);

@@ -80,7 +80,7 @@ fn receivers(set: &[Emitter]) -> Vec<Receiver> {
         let reach = [0.3, 1.0, 3.0, 1e4][i % 4];
         let p =
             if i < 20 { centre + place(&mut rng) * radius * reach } else { set[i].extent.bounds.centre() };
-        out.push(Receiver { p, n: direction(&mut rng), two_sided: i % 3 == 0 });
+        out.push(Receiver { p, n: direction(&mut rng), two_sided: i % 3 == 0, time: 0.0 });
     }
     out
 }
@@ -168,7 +168,7 @@ fn what_brings_more_is_likelier() {
         .map(|i| patch(i, Vec3::new(i as f32, 3.0, 0.0), 0.05, if i % 2 == 0 { -up } else { up }, 1.0))
         .collect();
     let tree = LightTree::new(&set, &vec![1.0; set.len()]).unwrap();
-    let receiver = Receiver { p: Vec3::new(50.0, 0.0, 0.0), n: up, two_sided: false };
+    let receiver = Receiver { p: Vec3::new(50.0, 0.0, 0.0), n: up, two_sided: false, time: 0.0 };
     let pmf = |i| tree.pmf(&receiver, i, 0);
     assert!(pmf(50) > 10.0 * pmf(60) && pmf(60) > pmf(80), "{} {} {}", pmf(50), pmf(60), pmf(80));
     assert!(pmf(50) > 0.15 && pmf(51) == 0.0, "{} {}", pmf(50), pmf(51));

@@ -273,7 +273,8 @@ fn the_blur_is_the_mean_of_stills() {
     }
     let seeds = 16;
     let ready = Ready::from_xml(&busy([0.0, 1.0]), None, None);
-    assert!(ready.scene.plan.motion && ready.scene.plan.unsampled_lights == 1);
+    assert!(ready.scene.plan.motion && ready.scene.plan.placed_lights == 1);
+    assert_eq!(ready.scene.plan.unsampled_lights, 0);
     let pictures: Vec<Vec<f32>> = (0..seeds).map(|seed| rgb(&ready.picture(512, seed))).collect();
     let (mut worst, mut mean_difference, mut level) = (0.0_f64, 0.0, 0.0);
     for (i, still) in sum.iter().enumerate() {
@@ -326,12 +327,33 @@ fn an_instance_is_the_group_itself() {
     assert!((mean(&a) / mean(&b) - 1.0).abs() < 1e-4, "{} {}", mean(&a), mean(&b));
 }
 
-/// A moving lamp is found by scattered rays; an integrator that has none for it
-/// says so instead of leaving it dark.
+/// A moving lamp is sampled: integrators without scattered rays for it find it.
 #[test]
-fn a_moving_lamp_needs_scattered_rays() {
+fn a_moving_lamp_is_sampled() {
     let ready = |name| Ready::from_xml(&busy([0.0, 1.0]), Some(name), None);
-    let whitted = ready("whitted");
+    for name in ["whitted", "direct"] {
+        assert!(mean(&ready(name).picture(4, 1)) > 0.0, "{name}");
+    }
+}
+
+/// A lamp that deforms is found by scattered rays; an integrator that has none
+/// for it says so instead of leaving it dark.
+#[test]
+fn a_deforming_lamp_needs_scattered_rays() {
+    let xml = r#"<scene version="3.0.0"><integrator type="whitted"/><sensor type="perspective">
+        <float name="shutter_close" value="1"/></sensor>
+        <shape type="obj"><string name="filename" value="lamp.obj"/><emitter type="area"/></shape></scene>"#;
+    let mut desc = etendue::load::load_str(xml, &render::package("tests/data"), &Default::default()).unwrap();
+    let mut mesh = (*desc.meshes[0]).clone();
+    let key = |time: f64, scale: f32| MeshKey {
+        time,
+        positions: mesh.positions.iter().map(|p| *p * scale).collect(),
+        normals: mesh.normals.clone(),
+    };
+    mesh.deformation = vec![key(0.0, 1.0), key(1.0, 1.5)];
+    desc.meshes[0] = std::sync::Arc::new(mesh);
+    let whitted = Ready::build(&desc, None, None);
+    assert_eq!((whitted.scene.plan.placed_lights, whitted.scene.plan.unsampled_lights), (0, 1));
     let error = etendue::render::render(
         &whitted.scene,
         &whitted.integrator,
@@ -339,8 +361,110 @@ fn a_moving_lamp_needs_scattered_rays() {
         &etendue::render::Quiet,
     );
     let message = error.err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(message.contains("`whitted` cannot find lights that move"), "{message}");
-    assert!(mean(&ready("direct").picture(4, 1)) > 0.0);
+    assert!(message.contains("`whitted` cannot find lights that deform"), "{message}");
+}
+
+/// Lamps in groups that are instanced, nested and on the move over a floor.
+fn lamps(integrator: &str) -> String {
+    format!(
+        r#"<scene version="3.0.0">{integrator}
+        <sensor type="perspective"><float name="fov" value="50"/>
+          <transform name="to_world"><lookat origin="0,3,-7" target="0,0.3,0" up="0,1,0"/></transform>
+          <float name="shutter_close" value="1"/>
+          <film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="12"/>
+            <rfilter type="box"/></film></sensor>
+        <shape type="rectangle"><transform name="to_world"><rotate x="1" angle="-90"/><scale value="6"/></transform></shape>
+        <shape type="sphere"><point name="center" x="0" y="0.6" z="0"/><float name="radius" value="0.6"/>
+          <bsdf type="roughconductor"><float name="alpha" value="0.3"/></bsdf></shape>
+        <shape type="shapegroup" id="lamp">
+          <shape type="rectangle"><transform name="to_world"><scale value="0.5"/><rotate x="1" angle="90"/></transform>
+            <emitter type="area"><rgb name="radiance" value="4,3,2"/></emitter></shape>
+          <shape type="sphere"><point name="center" x="0.4" y="0.3" z="0"/><float name="radius" value="0.15"/>
+            <emitter type="area"><rgb name="radiance" value="2,3,6"/></emitter></shape>
+          <shape type="obj"><string name="filename" value="lamp.obj"/>
+            <transform name="to_world"><scale value="0.2"/><translate x="-0.8"/></transform>
+            <emitter type="area"><rgb name="radiance" value="3"/></emitter></shape>
+        </shape>
+        <shape type="shapegroup" id="two">
+          <shape type="instance"><ref id="lamp"/><transform name="to_world"><scale x="1.5" y="0.7" z="-1"/></transform></shape>
+          <shape type="instance"><ref id="lamp"/><transform name="to_world"><rotate z="1" angle="40"/>
+            <translate x="1.6"/></transform></shape>
+        </shape>
+        <shape type="instance"><ref id="two"/><transform name="to_world"><translate x="-2" y="1.6" z="0.5"/></transform></shape>
+        <shape type="instance"><ref id="two"/><animation name="to_world">
+          <transform time="0"><translate x="0.5" y="1.8"/></transform>
+          <transform time="1"><rotate y="1" angle="70"/><translate x="1.5" y="1.4" z="-1"/></transform>
+        </animation></shape>
+        </scene>"#
+    )
+}
+
+/// What light samples alone find, scattered rays alone, and both together is the
+/// same, pixel by pixel.
+#[test]
+fn instanced_lamps_are_found_alike_by_both_strategies() {
+    let runs = 16;
+    let pictures = |lights: u32, bsdfs: u32, samples: u64| -> Vec<Vec<f64>> {
+        let integrator = format!(
+            r#"<integrator type="direct"><integer name="emitter_samples" value="{lights}"/>
+               <integer name="bsdf_samples" value="{bsdfs}"/></integrator>"#
+        );
+        let ready = Ready::from_xml(&lamps(&integrator), None, None);
+        assert_eq!((ready.scene.plan.placed_lights, ready.scene.plan.unsampled_lights), (12, 0));
+        assert!(ready.scene.selection.is_fine());
+        let luminance = |c: &[f32]| f64::from(c[0] + c[1] + c[2]);
+        (0..runs)
+            .map(|seed| rgb(&ready.picture(samples, seed)).chunks_exact(3).map(luminance).collect())
+            .collect()
+    };
+    let moments = |set: &[Vec<f64>], i: Option<usize>| {
+        let of = |p: &Vec<f64>| i.map_or_else(|| p.iter().sum(), |i| p[i]);
+        let mean = set.iter().map(of).sum::<f64>() / set.len() as f64;
+        let squares: f64 = set.iter().map(|p| (of(p) - mean).powi(2)).sum();
+        (mean, squares / (set.len() as f64 - 1.0) / set.len() as f64)
+    };
+    let [scattered, sampled, both] = [pictures(0, 4, 512), pictures(1, 0, 128), pictures(1, 1, 64)];
+    for (name, set) in [("light samples", &sampled), ("both", &both)] {
+        let z = |i| {
+            let ((a, va), (b, vb)) = (moments(&scattered, i), moments(set, i));
+            if a == b { 0.0 } else { (a - b) / (va + vb).sqrt() }
+        };
+        assert!(z(None).abs() < 4.0, "{name}: z = {} for the whole picture", z(None));
+        let each: Vec<f64> = (0..16 * 12).map(|i| z(Some(i))).collect();
+        let covered = each.iter().filter(|z| **z != 0.0).count();
+        let square = each.iter().map(|z| z * z).sum::<f64>() / covered as f64;
+        println!("{name}: whole z {:.2}, mean z² {square:.3} of {covered} pixels", z(None));
+        assert!(covered > 100 && (0.6..1.5).contains(&square), "{name}: z² has mean {square} of {covered}");
+        assert!(each.iter().all(|z| z.abs() < 6.5), "{name}: {each:?}");
+    }
+}
+
+/// A swarm of glowing instances is left to scattered rays; one lamp that moves
+/// beside it is not.
+#[test]
+fn a_swarm_does_not_take_the_key_light_along() {
+    let mut xml = String::from(
+        r#"<scene version="3.0.0"><integrator type="path"/><sensor type="perspective">
+        <float name="shutter_close" value="1"/></sensor>
+        <shape type="sphere"><emitter type="area"/><animation name="to_world"><transform time="0"/>
+        <transform time="1"><translate x="1"/></transform></animation></shape>
+        <shape type="shapegroup" id="g0"><shape type="rectangle"><emitter type="area"/></shape></shape>"#,
+    );
+    // 40^3 + more than 2^16 instances by nesting.
+    for level in 1..=3 {
+        xml += &format!(r#"<shape type="shapegroup" id="g{level}">"#);
+        for i in 0..41 {
+            let inner = level - 1;
+            xml += &format!(
+                r#"<shape type="instance"><ref id="g{inner}"/><transform name="to_world"><translate x="{i}"/></transform></shape>"#
+            );
+        }
+        xml += "</shape>";
+    }
+    xml += r#"<shape type="instance"><ref id="g3"/></shape></scene>"#;
+    let scene = Ready::from_xml(&xml, None, None).scene;
+    assert_eq!((scene.plan.placed_lights, scene.plan.unsampled_lights), (1, 41 * 41 * 41));
+    assert!(scene.plan.to_string().contains("68921 more deform or are too many instances"), "{}", scene.plan);
 }
 
 #[test]

@@ -69,6 +69,13 @@ def images():
     write_image("sky.exr", sky.astype(np.float16), oiio.HALF, compression="zip")
     # A lamp with a pattern: above 1, so only a float file can hold it.
     write_image("lamp.exr", 1 + 6 * rng.random((4, 6, 3)), compression="zip")
+    # A lamp with a bright spot of a few texels, a faint one, and dark all around.
+    spot = np.zeros((16, 24, 3))
+    spot[:, :] = (0.02, 0.03, 0.05)
+    spot[:4] = 0
+    spot[5:7, 15:17] = (160, 120, 70)
+    spot[11, 4] = (10, 40, 60)
+    write_image("spot.exr", spot.astype(np.float16), oiio.HALF, compression="zip")
 
 
 def torus(rings, sides, major, minor):
@@ -125,6 +132,18 @@ def obj():
         file.write("f 8/1/5 9/2/5 10/3/5 11/4/5\n")
 
 
+def pane():
+    # A fan of triangles whose texture follows the place, bent in the middle.
+    with open(DATA / "pane.obj", "w", encoding="ascii") as file:
+        corners = [(-1, -0.8), (0, -0.8), (1, -0.8), (1, 0.8), (0, 0.8), (-1, 0.8), (0.1, 0.05)]
+        for i, (x, y) in enumerate(corners):
+            file.write(f"v {x} {y} {-0.3 if i in (1, 4, 6) else 0}\nvt {0.5 * (x + 1):.6g} {0.5 * (y / 0.8 + 1):.6g}\n")
+        file.write("vn 0 0 1\n")
+        for i in range(6):
+            a, b = i + 1, (i + 1) % 6 + 1
+            file.write(f"f {a}/{a}/1 {b}/{b}/1 7/7/1\n")
+
+
 def serialized():
     """Version 4: two meshes, single and double precision, with a dictionary."""
     def mesh(name, points, normals, uvs, faces, double):
@@ -151,4 +170,5 @@ if __name__ == "__main__":
     images()
     ply()
     obj()
+    pane()
     serialized()

@@ -108,7 +108,11 @@ fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)
     let scene = Scene::build(desc, &args.build_options());
     let integrator = Integrator::from_desc(desc, &args.integrator_options());
     warn(&desc.new_replacements());
-    Ok((scene?, integrator?))
+    let scene = scene?;
+    if let Some(text) = scene.plan.unsampled() {
+        say!("warning: of the lights {text}");
+    }
+    Ok((scene, integrator?))
 }
 
 fn warn(texts: &[String]) {

@@ -1,8 +1,10 @@
 //! A shape that glows.
 
+use std::sync::Arc;
+
 use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::shape::{Geometry, PrimId, ShapeSampler, SurfacePoint};
+use crate::shape::{Geometry, Hit, Pattern, PrimId, ShapeSample, ShapeSampler, SurfacePoint};
 use crate::texture::Texture;
 
 /// What an `area` emitter says about itself.
@@ -30,6 +32,20 @@ impl AreaEmission {
         if n.dot(wo) > 0.0 { self.radiance.eval(uv) } else { Rgb::ZERO }
     }
 
+    /// A sampler that goes by what is emitted: by texels where they differ.
+    #[must_use]
+    pub fn sampler(&self, geometry: &Geometry, sampler: ShapeSampler) -> ShapeSampler {
+        let mean = grey(self.radiance.mean());
+        if self.radiance.is_constant().is_some() {
+            return sampler.without_uv();
+        }
+        if !(mean > 0.0) || !mean.is_finite() {
+            return sampler;
+        }
+        let value = |uv: Vec2| grey(self.radiance.eval(uv));
+        sampler.with_pattern(geometry, &Pattern { value: &value, mean, raster: self.radiance.raster() })
+    }
+
     /// The size of what is emitted, for the unit of exact sums.
     #[must_use]
     pub fn magnitude(&self) -> f64 {
@@ -43,15 +59,40 @@ impl AreaEmission {
 /// Mitsuba asks another normal when it samples the light, so that on a mesh
 /// with vertex normals its strategies disagree by up to 4 % (mitsuba3 issue
 /// 1952). Here both ask the same one.
+///
+/// In an instance it is sampled in the space of its group, as seen from where
+/// the receiver is there at its own time. A density per solid angle changes with
+/// the linear map of directions by its Jacobian, so that both strategies agree
+/// in groups that are stretched, mirrored and on the move.
 #[derive(Clone, Debug)]
 pub struct AreaLight {
-    /// Chooses points of the shape.
-    pub sampler: ShapeSampler,
+    /// Chooses points of the shape, in the space of its group.
+    pub sampler: Arc<ShapeSampler>,
     /// What is emitted.
-    pub emission: AreaEmission,
+    pub emission: Arc<AreaEmission>,
+    /// The instance that the shape is seen through; [`Hit::NO_INSTANCE`] for none.
+    pub instance: PrimId,
+    power: f64,
 }
 
 impl AreaLight {
+    /// An area light: a shape and what it emits.
+    #[must_use]
+    pub fn new(geometry: &Geometry, sampler: ShapeSampler, emission: AreaEmission) -> AreaLight {
+        let sampler = Arc::new(emission.sampler(geometry, sampler));
+        let mean = sampler.mean_of_all().unwrap_or_else(|| grey(emission.radiance.mean()));
+        let power = std::f64::consts::PI * sampler.area() * mean;
+        AreaLight { sampler, emission: Arc::new(emission), instance: Hit::NO_INSTANCE, power }
+    }
+
+    /// The same light of a shape in a group, as an instance of the group places it.
+    #[must_use]
+    pub fn placed(&self, geometry: &Geometry, instance: PrimId) -> AreaLight {
+        let light = AreaLight { instance, power: 0.0, ..self.clone() };
+        let power = light.extents(geometry).map(|(.., extent)| extent.power).sum();
+        AreaLight { power, ..light }
+    }
+
     /// Radiance that leaves `point` of this light towards unit `wo` (world).
     /// Zero behind the surface and along it.
     #[must_use]
@@ -59,11 +100,59 @@ impl AreaLight {
         self.emission.emitted(point, wo)
     }
 
-    /// Density per solid angle at `ref_p` with which [`super::Light::sample`]
+    /// Density per solid angle at the receiver with which [`super::Light::sample`]
     /// chooses the direction `wi` to `point`, at squared distance `dist2`.
     #[must_use]
-    pub fn pdf(&self, geometry: &Geometry, ref_p: Vec3, point: &SurfacePoint, wi: Vec3, dist2: f32) -> f32 {
-        self.sampler.pdf(geometry, ref_p, point, wi, dist2)
+    pub fn pdf(
+        &self,
+        geometry: &Geometry,
+        from: &Receiver,
+        point: &SurfacePoint,
+        wi: Vec3,
+        dist2: f32,
+    ) -> f32 {
+        if self.instance != Hit::NO_INSTANCE {
+            return self.placed_pdf(geometry, from, (point, wi), false);
+        }
+        self.sampler.pdf(geometry, from.p, point, wi, dist2)
+    }
+
+    /// The same for [`super::Light::sample_part`] of the primitive of `point`.
+    #[must_use]
+    pub fn pdf_part(
+        &self,
+        geometry: &Geometry,
+        from: &Receiver,
+        point: &SurfacePoint,
+        wi: Vec3,
+        dist2: f32,
+    ) -> f32 {
+        if self.instance != Hit::NO_INSTANCE {
+            return self.placed_pdf(geometry, from, (point, wi), true);
+        }
+        self.sampler.pdf_prim(geometry, from.p, point, wi, dist2)
+    }
+
+    #[cold]
+    fn placed_pdf(
+        &self,
+        geometry: &Geometry,
+        from: &Receiver,
+        (point, wi): (&SurfacePoint, Vec3),
+        part: bool,
+    ) -> f32 {
+        let Some(instance) = geometry.instance(self.instance) else { return 0.0 };
+        let placed = instance.at(from.time);
+        let (p, local) = (placed.point_to_local(from.p), placed.to_local(point));
+        let (wi, factor) = placed.direction_to_local(wi);
+        let dist2 = (local.p - p).length_squared();
+        let pdf = if part {
+            self.sampler.pdf_prim(geometry, p, &local, wi, dist2)
+        } else {
+            self.sampler.pdf(geometry, p, &local, wi, dist2)
+        };
+        let pdf = (f64::from(pdf) * factor) as f32;
+        if pdf.is_finite() { pdf } else { 0.0 }
     }
 
     /// A point of the light, or of one primitive of it. Nothing where all of it
@@ -75,14 +164,12 @@ impl AreaLight {
         prim: Option<PrimId>,
         u: Vec2,
     ) -> Option<LightSample> {
-        let normal = (!receiver.two_sided).then_some(receiver.n);
-        if self.sampler.is_hidden(receiver.p, normal) {
-            return None;
-        }
-        let chosen = match prim {
-            None => self.sampler.sample(geometry, receiver.p, u),
-            Some(prim) => self.sampler.sample_prim(geometry, prim, receiver.p, u),
-        }?;
+        let chosen = if self.instance == Hit::NO_INSTANCE {
+            let normal = (!receiver.two_sided).then_some(receiver.n);
+            self.choose(geometry, (receiver.p, normal), prim, u)?
+        } else {
+            self.choose_placed(geometry, receiver, prim, u)?
+        };
         let radiance = self.emission.front(chosen.n, -chosen.wi, chosen.uv);
         Some(LightSample {
             wi: chosen.wi,
@@ -93,11 +180,53 @@ impl AreaLight {
         })
     }
 
-    pub(super) fn power(&self) -> f64 {
-        std::f64::consts::PI * self.sampler.area() * grey(self.emission.radiance.mean())
+    /// In the space of the shape.
+    #[inline]
+    fn choose(
+        &self,
+        geometry: &Geometry,
+        (p, normal): (Vec3, Option<Vec3>),
+        prim: Option<PrimId>,
+        u: Vec2,
+    ) -> Option<ShapeSample> {
+        if self.sampler.is_hidden(p, normal) {
+            return None;
+        }
+        match prim {
+            None => self.sampler.sample(geometry, p, u),
+            Some(prim) => self.sampler.sample_prim(geometry, prim, p, u),
+        }
     }
 
-    pub(super) fn memory_bytes(&self) -> usize {
+    #[cold]
+    fn choose_placed(
+        &self,
+        geometry: &Geometry,
+        receiver: &Receiver,
+        prim: Option<PrimId>,
+        u: Vec2,
+    ) -> Option<ShapeSample> {
+        let placed = geometry.instance(self.instance)?.at(receiver.time);
+        let normal = (!receiver.two_sided).then(|| placed.normal_to_local(receiver.n));
+        let from = placed.point_to_local(receiver.p);
+        let local = self.choose(geometry, (from, normal), prim, u)?;
+        placed.sample_to_world(&local, from, self.instance)
+    }
+
+    /// Emitted power, grey: of what moves, where its area is largest.
+    #[must_use]
+    pub fn power(&self) -> f64 {
+        self.power
+    }
+
+    /// Mean radiance of one part, grey.
+    pub(super) fn radiance_of(&self, prim: PrimId) -> f64 {
+        self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()))
+    }
+
+    /// Bytes of tables and images; instances share them.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
         self.sampler.memory_bytes() + self.emission.radiance.memory_bytes()
     }
 }

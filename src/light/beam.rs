@@ -37,6 +37,7 @@ impl Beam {
             uv: point.uv,
             wi: ray.dir,
             prim: self.prim,
+            instance: point.instance,
             pdf: 1.0,
             planar: true,
         };

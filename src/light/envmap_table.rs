@@ -17,6 +17,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::math::Vec2;
+use crate::sampling::invert_linear;
 
 /// The weights of a picture's texels, row 0 at θ = 0 and the last row at π (or less);
 /// column i is at φ = 2π (i + ½) / width and the columns go round.
@@ -246,13 +247,6 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
     a * (1.0 - t) + b * t
 }
 
-/// The s in \[0, 1\] with the share `u` of the mass of the density
-/// a (1−s) + b s below it, in the form that does not cancel.
-fn invert_linear(a: f64, b: f64, u: f64) -> f64 {
-    let root = (a * a * (1.0 - u) + b * b * u).sqrt();
-    if a + root > 0.0 { (u * (a + b) / (a + root)).min(1.0) } else { u }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -273,8 +267,5 @@ mod tests {
                 }
             }
         }
-        assert_eq!(invert_linear(0.0, 0.0, 0.3), 0.3);
-        assert_eq!(invert_linear(0.0, 1.0, 0.25), 0.5);
-        assert_eq!(invert_linear(1.0, 0.0, 0.75), 0.5);
     }
 }

@@ -2,11 +2,11 @@
 //! many lights goes by.
 
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::ops::Range;
 
-use super::{AreaLight, Light, grey};
-use crate::math::{Bounds, Rgb, Vec2, Vec3, angle_between};
-use crate::sampling::uniform_triangle;
-use crate::shape::{Analytic, Geometry, Hit, PrimId, SurfacePoint};
+use super::{AreaLight, Light};
+use crate::math::{Bounds, Vec2, Vec3, angle_between};
+use crate::shape::{Analytic, Geometry, Hit, Instance, PrimId, SurfacePoint, Sweep};
 
 /// Bounds of one emitter: a whole light, or one triangle of it.
 ///
@@ -53,10 +53,8 @@ impl Light {
         let one = |extent| vec![Emitter { light, prim: 0, prims: 1, extent }];
         match self {
             Light::Area(area) => area
-                .parts(geometry)
-                .filter_map(|(prim, prims)| {
-                    Some(Emitter { light, prim, prims, extent: area.extent(geometry, prim, prims)? })
-                })
+                .extents(geometry)
+                .map(|(prim, prims, extent)| Emitter { light, prim, prims, extent })
                 .collect(),
             Light::Point(point) => one(Extent::everywhere(Bounds::point(point.position), 0.0, point.power())),
             Light::Spot(spot) => {
@@ -89,6 +87,12 @@ impl Extent {
 }
 
 impl AreaLight {
+    /// Of how many emitters it consists.
+    #[must_use]
+    pub fn part_count(&self, geometry: &Geometry) -> usize {
+        self.parts(geometry).count()
+    }
+
     /// What of it is sampled by itself: first primitive and how many.
     fn parts(&self, geometry: &Geometry) -> impl Iterator<Item = (PrimId, u32)> + use<> {
         let first = self.sampler.first_prim();
@@ -97,36 +101,93 @@ impl AreaLight {
         (first..first + count).step_by(step as usize).map(move |prim| (prim, step))
     }
 
-    /// Bounds of a part; `None` without area or power.
-    fn extent(&self, geometry: &Geometry, prim: PrimId, prims: u32) -> Option<Extent> {
-        let prims = prim..prim + prims;
+    /// Its parts, first primitive and how many, with their bounds at all times of
+    /// the shutter; without those that have no area or power.
+    pub(super) fn extents<'a>(
+        &'a self,
+        geometry: &'a Geometry,
+    ) -> impl Iterator<Item = (PrimId, u32, Extent)> + 'a {
+        let sweep = geometry.instance(self.instance).map(Instance::sweep);
+        self.parts(geometry).filter_map(move |(prim, count)| {
+            let prims = prim..prim + count;
+            let local = self.extent(geometry, prims.clone())?;
+            let extent = match &sweep {
+                None => local,
+                Some(sweep) => self.swept(geometry, prims, (&local, sweep))?,
+            };
+            Some((prim, count, extent))
+        })
+    }
+
+    /// Bounds of a part in the space of its shape; `None` without area or power.
+    fn extent(&self, geometry: &Geometry, prims: Range<PrimId>) -> Option<Extent> {
         let area: f64 = prims.clone().map(|prim| geometry.area(prim)).sum();
         let bounds = prims.clone().map(|prim| geometry.prim_bounds(prim)).fold(Bounds::EMPTY, Bounds::union);
-        let power = std::f64::consts::PI * area * self.radiance(geometry, prim);
+        let power = std::f64::consts::PI * area * self.radiance_of(prims.start);
         if !(power > 0.0) || !power.is_finite() {
             return None;
         }
         let round = Extent::everywhere(bounds, bounds.bounding_sphere().1, power);
-        Some(match geometry.analytic(prim) {
+        Some(match geometry.analytic(prims.start) {
             // The box of a sphere is widened by rounding; so is the sphere.
             Some(Analytic::Sphere(_)) => Extent { radius: bounds.extent().max_element() * 0.5, ..round },
-            Some(Analytic::Cylinder(_)) => round,
-            Some(flat) => {
-                let axis = flat.sample_area(Vec2::splat(0.5)).ns.as_vec3();
-                Extent { axis, spread: SLACK, ..round }
+            _ => match cone(&self.normals(geometry, prims)) {
+                Some((axis, spread)) => Extent { axis, spread, ..round },
+                None => round,
+            },
+        })
+    }
+
+    /// Bounds of a part on the way of its instance, from those in its own space.
+    fn swept(
+        &self,
+        geometry: &Geometry,
+        prims: Range<PrimId>,
+        (local, sweep): (&Extent, &Sweep),
+    ) -> Option<Extent> {
+        let points: Vec<_> = prims
+            .clone()
+            .flat_map(|prim| match geometry.triangle(prim) {
+                Some(vertices) => vertices.map(|v| v.as_dvec3()).to_vec(),
+                None => geometry.prim_bounds(prim).corners().to_vec(),
+            })
+            .collect();
+        let bounds = sweep.bounds(&points);
+        let flat = match (geometry.triangle(prims.start), geometry.analytic(prims.start)) {
+            (Some([a, b, c]), _) => {
+                (b - a).as_dvec3().cross((c - a).as_dvec3()).try_normalize().map(|n| n.as_vec3())
             }
+            (None, Some(analytic)) => analytic.is_planar().then(|| analytic.normal()),
+            (None, None) => None,
+        };
+        let power = local.power * sweep.area_factor(flat);
+        if !(power > 0.0) || !power.is_finite() {
+            return None;
+        }
+        let round = Extent::everywhere(bounds, bounds.bounding_sphere().1, power);
+        // Of a mean of normals the image is a mean of their images.
+        let turned: Option<Vec<(Vec3, f32)>> =
+            self.normals(geometry, prims).into_iter().map(|n| sweep.normal(n)).collect();
+        let Some(turned) = turned else { return Some(round) };
+        let turn = turned.first().map_or(0.0, |t| t.1);
+        let normals: Vec<Vec3> = turned.into_iter().map(|t| t.0).collect();
+        Some(match cone(&normals) {
+            Some((axis, spread)) => Extent { axis, spread: (spread + turn).min(PI), ..round },
+            None => round,
+        })
+    }
+
+    /// Normals that all others of a part lie between; none for what is round.
+    fn normals(&self, geometry: &Geometry, prims: Range<PrimId>) -> Vec<Vec3> {
+        match geometry.analytic(prims.start) {
+            Some(Analytic::Sphere(_) | Analytic::Cylinder(_)) => Vec::new(),
+            Some(flat) => vec![flat.sample_area(Vec2::splat(0.5)).ns.as_vec3()],
             None => {
                 let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
-                let normals: Vec<Vec3> = prims
-                    .flat_map(|prim| corners.map(|(u, v)| (prim, u, v)))
-                    .map(|(prim, u, v)| self.triangle_point(geometry, prim, u, v).ns)
-                    .collect();
-                let axis = normals.iter().sum::<Vec3>().normalize_or(Vec3::Z);
-                let spread = normals.iter().map(|n| angle_between(*n, axis)).fold(0.0, f32::max) + SLACK;
-                // Normals between vertices lie between their normals only within half a sphere.
-                if spread < 0.99 * FRAC_PI_2 { Extent { axis, spread, ..round } } else { round }
+                let all = prims.flat_map(|prim| corners.map(|(u, v)| (prim, u, v)));
+                all.map(|(prim, u, v)| self.triangle_point(geometry, prim, u, v).ns).collect()
             }
-        })
+        }
     }
 
     fn triangle_point(&self, geometry: &Geometry, prim: PrimId, u: f32, v: f32) -> SurfacePoint {
@@ -136,23 +197,13 @@ impl AreaLight {
             0.0,
         )
     }
+}
 
-    /// Mean radiance of a primitive, grey. Of a textured triangle half of that
-    /// is a few points of its own, half the mean of the texture: nothing that
-    /// the points miss is lost.
-    fn radiance(&self, geometry: &Geometry, prim: PrimId) -> f64 {
-        let texture = &self.emission.radiance;
-        let mean = grey(texture.mean());
-        if texture.is_constant().is_some() || geometry.triangle(prim).is_none() {
-            return mean;
-        }
-        let side = 4u32;
-        let mut sum = Rgb::ZERO;
-        for i in 0..side * side {
-            let u = Vec2::new((i % side) as f32 + 0.5, (i / side) as f32 + 0.5) / side as f32;
-            let (b1, b2) = uniform_triangle(u);
-            sum += texture.eval(self.triangle_point(geometry, prim, b1, b2).uv);
-        }
-        0.5 * mean + 0.5 * grey(sum / (side * side) as f32)
-    }
+/// Axis and half angle of a cone around normals and all between them; `None`
+/// where there is none: normals between vertices lie between their normals only
+/// within half a sphere.
+fn cone(normals: &[Vec3]) -> Option<(Vec3, f32)> {
+    let axis = normals.iter().sum::<Vec3>().try_normalize()?;
+    let spread = normals.iter().map(|n| angle_between(*n, axis)).fold(0.0, f32::max) + SLACK;
+    (spread < 0.99 * FRAC_PI_2).then_some((axis, spread))
 }

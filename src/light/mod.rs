@@ -46,7 +46,7 @@ pub use tree::{LightTree, TreeSample, TreeWalk};
 
 use crate::desc::kinds;
 use crate::math::{Rgb, Vec2, Vec3};
-use crate::shape::{Geometry, PrimId, ShapeSample};
+use crate::shape::{Geometry, Hit, PrimId, ShapeSample};
 
 kinds! {
     /// A light.
@@ -201,8 +201,8 @@ impl Light {
     }
 
     /// Emitted power, as the mean of the RGB channels: for infinite lights
-    /// what enters a sphere of `scene_radius`. Textured lights count their mean
-    /// texel. Zero means that the light is black and can be left out.
+    /// what enters a sphere of `scene_radius`. Textured lights count their mean.
+    /// Zero means that the light is black and can be left out.
     #[must_use]
     pub fn power(&self, scene_radius: f64) -> f64 {
         let disk = std::f64::consts::PI * scene_radius * scene_radius;
@@ -235,10 +235,11 @@ impl Light {
         }
     }
 
-    /// Bytes of tables and images behind the light.
+    /// Bytes of tables and images behind the light; none for instances of lamps.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         match self {
+            Light::Area(l) if l.instance != Hit::NO_INSTANCE => 0, // counted once
             Light::Area(l) => l.memory_bytes(),
             Light::Spot(l) => l.memory_bytes(),
             Light::Projector(l) => l.memory_bytes(),

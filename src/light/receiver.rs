@@ -13,12 +13,14 @@ pub struct Receiver {
     /// Light from below `n` counts too: the surface transmits, or its normal
     /// is perturbed, or there is no surface.
     pub two_sided: bool,
+    /// When it asks, in [0, 1] of the shutter: lamps may move.
+    pub time: f32,
 }
 
 impl Receiver {
-    /// A point that takes light from everywhere.
+    /// A point that takes light from everywhere, at time 0.
     #[must_use]
     pub fn free(p: Vec3) -> Receiver {
-        Receiver { p, n: Vec3::Z, two_sided: true }
+        Receiver { p, n: Vec3::Z, two_sided: true, time: 0.0 }
     }
 }

@@ -169,7 +169,7 @@ impl LightTree {
     }
 
     fn query(&self, receiver: &Receiver) -> Query {
-        let Receiver { p, n, two_sided } = *receiver;
+        let Receiver { p, n, two_sided, .. } = *receiver;
         Query { p: (p - self.origin) * self.unit, n, two_sided }
     }
 }

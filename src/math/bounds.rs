@@ -1,6 +1,6 @@
 //! Axis-aligned boxes.
 
-use super::Vec3;
+use super::{DVec3, Vec3};
 
 /// An axis-aligned box, `min` ≤ `max` in each axis unless it is empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +54,16 @@ impl Bounds {
     #[must_use]
     pub fn centre(self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
+    }
+
+    /// The eight corners.
+    #[must_use]
+    pub fn corners(&self) -> [DVec3; 8] {
+        let (min, max) = (self.min.as_dvec3(), self.max.as_dvec3());
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|i: usize| {
+            let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { min[axis] } else { max[axis] };
+            DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
+        })
     }
 
     /// Half the surface area: what the surface area heuristic needs. Zero for

@@ -172,6 +172,17 @@ impl Motion {
         }
     }
 
+    /// An upper bound of the angle in radians that any normal turns by, away from
+    /// where it is at the first time; `None` when the stretch changes, so that
+    /// normals turn by themselves.
+    #[must_use]
+    pub fn turn(&self) -> Option<f64> {
+        let size = |m: &DMat3| m.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
+        let same = |k: &MotionKey| size(&(k.stretch - self.keys[0].stretch)) <= 1e-9 * size(&k.stretch);
+        let angle = |pair: &[MotionKey]| pair[0].rotation.angle_between(pair[1].rotation);
+        self.keys.iter().all(same).then(|| self.keys.windows(2).map(angle).sum())
+    }
+
     /// Calls `f` with (start, end, bound on the second derivative of a point's
     /// path, per unit of the point's largest distance from the origin) of each
     /// stretch between two times.

@@ -21,6 +21,28 @@ pub fn concentric_disk(u: Vec2) -> Vec2 {
     Vec2::new(radius * cos, radius * sin)
 }
 
+/// The point of the unit square that [`concentric_disk`] takes to a point of
+/// the disk, given in polar coordinates: radius ≥ 0, angle in \[0, 2π\].
+#[must_use]
+pub fn disk_to_square(radius: f64, angle: f64) -> [f64; 2] {
+    use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+    // Turned by an eighth: the four sectors are those of the map.
+    let sector = ((angle / FRAC_PI_2 + 0.5).floor() as i64).rem_euclid(4);
+    let (a, b) = match sector {
+        0 => (radius, radius * turned(angle, 0.0) / FRAC_PI_4),
+        1 => (radius * (FRAC_PI_2 - angle) / FRAC_PI_4, radius),
+        2 => (-radius, -radius * (angle - PI) / FRAC_PI_4),
+        _ => (radius * (angle - 1.5 * PI) / FRAC_PI_4, -radius),
+    };
+    [0.5 * (a + 1.0), 0.5 * (b + 1.0)].map(|c| c.clamp(0.0, 1.0))
+}
+
+/// An angle less `zero`, in [-π, π).
+fn turned(angle: f64, zero: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    (angle - zero + PI).rem_euclid(TAU) - PI
+}
+
 /// Polar coordinates of the concentric map: signed radius in (-1, 1), angle.
 fn concentric_polar(u: Vec2) -> (f32, f32) {
     // 2u - 1 at the middle of the cell: symmetric, never ±1.
@@ -63,6 +85,15 @@ pub fn uniform_triangle(u: Vec2) -> (f32, f32) {
         let b1 = 0.5 * u.y;
         (u.x - b1, b1)
     }
+}
+
+/// The point of the unit square that [`uniform_triangle`] takes to barycentric
+/// coordinates.
+#[must_use]
+pub fn triangle_to_square(b0: f32, b1: f32) -> [f64; 2] {
+    let (b0, b1) = (f64::from(b0), f64::from(b1));
+    let [x, y] = if b0 < b1 { [2.0 * b0, b0 + b1] } else { [b0 + b1, 2.0 * b1] };
+    [x.min(1.0), y.min(1.0)]
 }
 
 /// A unit direction, uniform over the sphere: density [`UNIFORM_SPHERE_PDF`].
@@ -119,6 +150,28 @@ mod tests {
                 let (b0, b1) = uniform_triangle(u);
                 assert!(b0 >= 0.0 && b1 >= 0.0 && b0 + b1 <= 1.0);
             }
+        }
+    }
+
+    #[test]
+    fn inverses_lead_back() {
+        for u in grid(31).chain(grid(64)) {
+            let d = concentric_disk(u).as_dvec2();
+            let mut angle = d.y.atan2(d.x);
+            if angle < 0.0 {
+                angle += std::f64::consts::TAU;
+            }
+            let back = disk_to_square(d.length(), angle);
+            assert!(
+                (back[0] - f64::from(u.x)).abs() < 1e-6 && (back[1] - f64::from(u.y)).abs() < 1e-6,
+                "{u} {back:?}"
+            );
+            let (b0, b1) = uniform_triangle(u);
+            let back = triangle_to_square(b0, b1);
+            assert!(
+                (back[0] - f64::from(u.x)).abs() < 1e-6 && (back[1] - f64::from(u.y)).abs() < 1e-6,
+                "{u} {back:?}"
+            );
         }
     }
 

@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use super::lamps::{Glow, Lamps};
 use super::shapes::GroupContents;
 use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene, Traits};
 use crate::accel::{Accel, Quality};
@@ -32,11 +33,11 @@ pub(super) struct Builder<'a> {
     pub material_of_shape: Vec<u32>,
     material_index: HashMap<*const Material, u32>,
     pub pending: Vec<Pending>,
-    /// Light of shapes in groups, which only scattered rays find.
-    pub glows: Vec<(ShapeId, AreaEmission)>,
+    /// Light of shapes in groups.
+    pub glows: Vec<Glow>,
     pub groups: HashMap<ObjectId, Arc<GroupContents>>,
-    /// Shapes go into a group.
-    pub in_group: bool,
+    /// Shapes go into a group: its part of the geometry.
+    pub in_group: Option<u32>,
     pub plan: Plan,
 }
 
@@ -67,7 +68,7 @@ impl Scene {
             pending: Vec::new(),
             glows: Vec::new(),
             groups: HashMap::new(),
-            in_group: false,
+            in_group: None,
             plan: Plan {
                 lens: camera.needs_lens(),
                 camera_motion: camera_motion.is_some(),
@@ -205,9 +206,7 @@ impl Builder<'_> {
                         lights.push(beam.into());
                         continue;
                     }
-                    let plain = emission.radiance.is_constant().is_some();
-                    let sampler = if plain { sampler.without_uv() } else { sampler };
-                    (Light::Area(AreaLight { sampler, emission }), Some(shape))
+                    (Light::Area(AreaLight::new(&geometry, sampler, emission)), Some(shape))
                 }
             };
             if light.power(radius) <= 0.0 {
@@ -219,12 +218,15 @@ impl Builder<'_> {
             }
             lights.push(light);
         }
-        let mut glows = Vec::new();
-        for (shape, emission) in std::mem::take(&mut self.glows) {
-            light_of_shape[shape as usize] = (lights.len() + glows.len()) as u32;
-            glows.push(emission);
+        // Positions of glowing shapes of groups go on from those of the lights.
+        let glows = std::mem::take(&mut self.glows);
+        let lamps = Lamps::new(&geometry, &glows, &mut lights);
+        for (index, glow) in glows.iter().enumerate() {
+            light_of_shape[glow.shape as usize] = (lights.len() + index) as u32;
         }
-        self.plan.unsampled_lights = glows.len();
+        self.plan.placed_lights = lamps.placed;
+        self.plan.unsampled_lights = lamps.left;
+        self.plan.texture_bytes += lamps.bytes;
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
         self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
@@ -245,7 +247,7 @@ impl Builder<'_> {
             film,
             samples_per_pixel: spp,
             lights,
-            glows,
+            lamps,
             selection,
             environment,
             plan: self.plan,

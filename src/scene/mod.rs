@@ -6,6 +6,7 @@
 //! and lights, and builds the accelerator. After that nothing changes.
 
 mod build;
+mod lamps;
 mod plan;
 mod select;
 mod shapes;
@@ -59,9 +60,9 @@ pub struct Scene {
     pub samples_per_pixel: u64,
     /// Lights that can be sampled.
     pub lights: Vec<Light>,
-    /// Light of shapes that are instanced or move: not sampled, found by
-    /// scattered rays. Their indices go on from those of the lights.
-    glows: Vec<AreaEmission>,
+    /// Shapes of groups that glow, and which lights their instances are. The
+    /// indices of these shapes go on from those of the lights.
+    lamps: lamps::Lamps,
     /// How one of them is chosen.
     pub selection: LightSelection,
     /// Index of the environment among the lights.
@@ -105,8 +106,8 @@ impl Interaction<'_, '_> {
     /// The point as lights see it.
     #[must_use]
     pub fn receiver(&self) -> Receiver {
-        let SurfacePoint { p, ns, .. } = *self.surface;
-        Receiver { p, n: if ns.dot(self.wo) < 0.0 { -ns } else { ns }, two_sided: self.two_sided }
+        let SurfacePoint { p, ns, time, .. } = *self.surface;
+        Receiver { p, n: if ns.dot(self.wo) < 0.0 { -ns } else { ns }, two_sided: self.two_sided, time }
     }
 }
 
@@ -182,7 +183,7 @@ impl Scene {
         match self.lights.get(index as usize) {
             Some(Light::Area(area)) => area.emitted(surface, wo),
             Some(_) => Rgb::ZERO,
-            None => self.glows[index as usize - self.lights.len()].emitted(surface, wo),
+            None => self.lamps.emission(index as usize - self.lights.len()).emitted(surface, wo),
         }
     }
 
@@ -244,17 +245,21 @@ impl Scene {
         wi: Vec3,
         distance_squared: f32,
     ) -> f32 {
-        let Some(index) = self.light_of_shape(surface.shape) else { return 0.0 };
+        let Some(mut index) = self.light_of_shape(surface.shape) else { return 0.0 };
+        if index as usize >= self.lights.len() {
+            let shape = index as usize - self.lights.len();
+            let Some(lamp) = self.lamps.light(&self.geometry, shape, surface) else { return 0.0 };
+            index = lamp;
+        }
         let Some(Light::Area(area)) = self.lights.get(index as usize) else { return 0.0 };
         let rate = self.selection.rate(receiver, index as usize, surface.prim);
         if rate == 0.0 {
             return 0.0;
         }
-        let (geometry, sampler) = (&self.geometry, &area.sampler);
         rate * if self.selection.is_fine() {
-            sampler.pdf_prim(geometry, receiver.p, surface, wi, distance_squared)
+            area.pdf_part(&self.geometry, receiver, surface, wi, distance_squared)
         } else {
-            sampler.pdf(geometry, receiver.p, surface, wi, distance_squared)
+            area.pdf(&self.geometry, receiver, surface, wi, distance_squared)
         }
     }
 
@@ -293,7 +298,7 @@ impl Scene {
     /// The size of what each light gives, in a scene of this radius: see
     /// [`Light::magnitude`].
     pub fn magnitudes(&self, radius: f64) -> impl Iterator<Item = f64> + '_ {
-        let glows = self.glows.iter().map(AreaEmission::magnitude);
+        let glows = self.lamps.emissions().map(AreaEmission::magnitude);
         self.lights.iter().map(move |l| l.magnitude(radius)).chain(glows)
     }
 
@@ -321,6 +326,9 @@ impl Scene {
 /// on which side the point lies, and so whether the light fills half the sky or
 /// nothing.
 fn not_itself(from: &SurfacePoint, sample: LightSample) -> Option<LightSample> {
-    let own = matches!(&sample.target, Target::Surface(t) if from.planar && t.prim == from.prim);
+    let own = matches!(
+        &sample.target,
+        Target::Surface(t) if from.planar && t.prim == from.prim && t.instance == from.instance
+    );
     (!own).then_some(sample)
 }

@@ -24,7 +24,9 @@ pub struct Plan {
     pub camera_motion: bool,
     /// Anything moves while the shutter is open.
     pub motion: bool,
-    /// Lights of instanced or moving shapes, which scattered rays alone find.
+    /// Lights of instanced or moving shapes that are sampled: part of `lights`.
+    pub placed_lights: usize,
+    /// Lights that deform or are too many, which scattered rays alone find.
     pub unsampled_lights: usize,
     /// Triangles dropped because they have no area.
     pub dropped_triangles: usize,
@@ -167,6 +169,14 @@ impl Plan {
 }
 
 impl Plan {
+    /// What is said of lights that are not sampled, if there are any.
+    #[must_use]
+    pub fn unsampled(&self) -> Option<String> {
+        let n = self.unsampled_lights;
+        let text = "deform or are too many instances to sample: scattered rays alone find them";
+        (n > 0).then(|| format!("{n} more {text}"))
+    }
+
     /// What moves while the shutter is open, in words.
     fn moving_parts(&self) -> String {
         let mut parts = Vec::new();
@@ -209,6 +219,7 @@ impl Plan {
                 "instances": self.moving_instances,
                 "triangles": self.deforming,
             },
+            "placed_lights": self.placed_lights,
             "unsampled_lights": self.unsampled_lights,
             "accel": self.accel,
             "file_sampler": self.file_sampler,
@@ -247,9 +258,11 @@ impl fmt::Display for Plan {
             join(&self.light_kinds),
             self.light_candidates
         )?;
+        if self.placed_lights > 0 {
+            writeln!(f, "              {} of them move or are instanced", self.placed_lights)?;
+        }
         if self.unsampled_lights > 0 {
-            let n = self.unsampled_lights;
-            writeln!(f, "              {n} more move or are instanced: scattered rays alone find them")?;
+            writeln!(f, "              {}", self.unsampled().unwrap_or_default())?;
         }
         if let Some([leaves, nodes, memory]) = self.light_tree {
             writeln!(f, "  light tree  {leaves} emitters in {nodes} nodes of eight, {}", bytes(memory))?;

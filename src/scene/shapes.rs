@@ -5,6 +5,7 @@
 use std::sync::Arc;
 
 use super::build::{Builder, Pending, no_media};
+use super::lamps::Glow;
 use crate::desc::{Category, Error, ObjectId, Params, Result};
 use crate::light::area_emission_from_desc;
 use crate::material::Material;
@@ -108,9 +109,9 @@ impl Builder<'_> {
     fn moving_shape(&mut self, id: ObjectId) -> Result<(Arc<GroupContents>, Motion)> {
         let motion = self.motion(&self.desc.params(id))?;
         let part = self.geometry.begin_group();
-        self.in_group = true;
+        self.in_group = Some(part);
         self.shape(id, None)?;
-        self.in_group = false;
+        self.in_group = None;
         Ok((Arc::new(GroupContents { part: Some(part), nested: Vec::new() }), motion))
     }
 
@@ -143,11 +144,11 @@ impl Builder<'_> {
         }
         if !sorted.still.is_empty() {
             contents.part = Some(self.geometry.begin_group());
-            self.in_group = true;
+            self.in_group = contents.part;
             for id in sorted.still {
                 self.shape(id, Some(&Transform::IDENTITY))?;
             }
-            self.in_group = false;
+            self.in_group = None;
         }
         let contents = Arc::new(contents);
         self.groups.insert(id, contents.clone());
@@ -242,15 +243,17 @@ impl Builder<'_> {
         self.material_of_shape[slot] = index;
         match emission {
             None => {}
-            Some(_) if self.in_group && desc.object(emitters[0].1).plugin == "directionalarea" => {
+            Some(_) if self.in_group.is_some() && desc.object(emitters[0].1).plugin == "directionalarea" => {
                 let pos = desc.object(emitters[0].1).pos;
                 return Err(desc.error(pos, "`directionalarea` can neither move nor be instanced"));
             }
-            Some(emission) if self.in_group => self.glows.push((shape, emission)),
-            Some(emission) => {
-                let emitter = emitters[0].1;
-                self.pending.push(Pending::Area { shape, emission, object: id, emitter });
-            }
+            Some(emission) => match self.in_group {
+                Some(part) => self.glows.push(Glow { shape, part, emission }),
+                None => {
+                    let emitter = emitters[0].1;
+                    self.pending.push(Pending::Area { shape, emission, object: id, emitter });
+                }
+            },
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! whole, and the solid angle is that of the rectangle.
 
 use super::view::RectFrame;
-use super::{Geometry, Hit, ShapeId};
+use super::{Geometry, Hit, ShapeId, SurfacePoint};
 use crate::math::{DVec3, Vec2, Vec3};
 
 /// Two triangles that make a rectangle.
@@ -66,6 +66,40 @@ impl Quad {
         let weights = if second { [0.0, 1.0 - b, 1.0 - a, a + b - 1.0] } else { [1.0 - a - b, a, b, 0.0] };
         let [_, u, v] = self.corners[usize::from(second)].map(|corner| weights[corner] as f32);
         Hit { t: 1.0, prim: self.first_prim + u32::from(second), u, v, instance: Hit::NO_INSTANCE }
+    }
+
+    /// Where in the unit square a point of one of the triangles is.
+    pub fn place(&self, point: &SurfacePoint) -> [f64; 2] {
+        let corners = self.corners[usize::from(point.prim != self.first_prim)];
+        let [u, v] = [f64::from(point.barycentric.x), f64::from(point.barycentric.y)];
+        let mut place = [0.0; 2];
+        for (corner, weight) in corners.iter().zip([1.0 - u - v, u, v]) {
+            place[0] += weight * f64::from(u8::from(matches!(corner, 1 | 3)));
+            place[1] += weight * f64::from(u8::from(matches!(corner, 2 | 3)));
+        }
+        place.map(|c| c.clamp(0.0, 1.0))
+    }
+
+    /// Texture coordinates as an affine map of the unit square, if both
+    /// triangles have the same one.
+    pub fn uv_map(&self, geometry: &Geometry, shape: ShapeId) -> Option<[[f64; 3]; 2]> {
+        // Of the corners of each triangle, by number.
+        let mut uv = [[None; 4]; 2];
+        for (k, corners) in self.corners.iter().enumerate() {
+            for (i, corner) in corners.iter().enumerate() {
+                let (u, v) = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)][i];
+                let hit = Hit { t: 1.0, prim: self.first_prim + k as u32, u, v, instance: Hit::NO_INSTANCE };
+                uv[k][*corner] = Some(geometry.triangle_surface(shape, &hit, 0.0).uv.as_dvec2());
+            }
+        }
+        let [first, second] = uv;
+        let (origin, x, y) = (first[0]?, first[1]?, first[2]?);
+        let (x, y) = (x - origin, y - origin);
+        let exact = second[1] == first[1]
+            && second[2] == first[2]
+            && (second[3]? - (origin + x + y)).abs().max_element()
+                <= 1e-6 * (x.abs() + y.abs()).max_element();
+        exact.then_some([[x.x, y.x, origin.x], [x.y, y.y, origin.y]])
     }
 
     /// Local coordinates uniform in area.

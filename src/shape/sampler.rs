@@ -3,10 +3,14 @@
 //! Spheres by the cone they fill (from inside by area and direction), near
 //! rectangles and triangles by solid angle, all else uniformly in area: meshes
 //! choose a triangle by area and a point in it.
+//! What glows by a texture is sampled by that ([`ShapeSampler::with_pattern`]):
+//! far away by its texels alone; nearby by solid angle, or if they differ much
+//! half by texels and half by solid angle, since both vary there.
 //! Densities are per solid angle at the reference point; the area measure is
 //! converted by the *geometric* normal, dist² / (|cos θ|·A). Which side emits
 //! is for the light to decide.
 
+use super::pattern::{Layout, NEAR_CONTRAST, OnPrim, Pattern};
 use super::quad::Quad;
 use super::view::RectFrame;
 use super::{
@@ -14,7 +18,7 @@ use super::{
     TriangleView,
 };
 use crate::math::{DVec3, Vec2, Vec3};
-use crate::sampling::{AliasTable, uniform_triangle};
+use crate::sampling::{AliasTable, SquareTable, disk_to_square, triangle_to_square, uniform_triangle};
 
 /// A shape made ready to be sampled.
 #[derive(Clone, Debug)]
@@ -25,6 +29,8 @@ pub struct ShapeSampler {
     method: Method,
     /// Somebody reads the texture coordinates of samples.
     needs_uv: bool,
+    /// What is known of a pattern on it: of the whole, or of each triangle.
+    patterns: Option<Box<[OnPrim]>>,
 }
 
 /// What makes sampling faster than the geometry alone.
@@ -58,23 +64,117 @@ impl ShapeSampler {
                 Analytic::Sphere(_) | Analytic::Disk(_) | Analytic::Cylinder(_) => Method::Plain,
             };
             let valid = area > 0.0 && area.is_finite();
-            return valid.then_some(ShapeSampler { first_prim, shape, area, method, needs_uv: true });
+            return valid.then_some(ShapeSampler {
+                first_prim,
+                shape,
+                area,
+                method,
+                needs_uv: true,
+                patterns: None,
+            });
         }
         let areas: Vec<f64> =
             (first_prim..first_prim + info.prim_count).map(|prim| geometry.area(prim)).collect();
         let table = TriangleTable::new(&areas)?;
         if let Some(quad) = Quad::new(geometry, shape) {
             let (area, method) = (table.total(), Method::Quad(quad));
-            return Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true });
+            return Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true, patterns: None });
         }
         let (area, method) = (table.total(), Method::Mesh(table));
-        Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true })
+        Some(ShapeSampler { first_prim, shape, area, method, needs_uv: true, patterns: None })
     }
 
     /// The same without texture coordinates in its samples.
     #[must_use]
     pub fn without_uv(self) -> ShapeSampler {
         ShapeSampler { needs_uv: false, ..self }
+    }
+
+    /// The same by the strength of a pattern: triangles are chosen by their mean
+    /// of it times their area. Spheres stay with the cone of what is seen of
+    /// them: most of a picture is on the far side.
+    #[must_use]
+    pub fn with_pattern(self, geometry: &Geometry, pattern: &Pattern) -> ShapeSampler {
+        let whole = |uv: &dyn Fn([f64; 2]) -> Vec2, affine| {
+            let layout = Layout { uv, affine };
+            Some(vec![OnPrim::new(pattern, &layout, 1)])
+        };
+        let patterns = match (&self.method, geometry.analytic(self.first_prim)) {
+            (Method::Rectangle(_), _) => {
+                let uv = |[x, y]: [f64; 2]| Vec2::new(x as f32, y as f32);
+                whole(&uv, Some([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+            }
+            (Method::Quad(quad), _) => {
+                let uv = |place| self.triangle_uv(geometry, &quad.hit(signed(place)));
+                whole(&uv, quad.uv_map(geometry, self.shape))
+            }
+            (Method::Plain, Some(Analytic::Disk(disk))) => {
+                let uv = |[x, y]: [f64; 2]| disk.sample_area(Vec2::new(x as f32, y as f32)).uv;
+                whole(&uv, None)
+            }
+            (Method::Plain, Some(Analytic::Cylinder(_))) => {
+                let uv = |[x, y]: [f64; 2]| Vec2::new(y as f32, x as f32);
+                whole(&uv, Some([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]))
+            }
+            (Method::Plain, _) => None,
+            (Method::Mesh(_), _) => {
+                let count = geometry.shapes()[self.shape as usize].prim_count;
+                let on_prim = |prim| {
+                    let uv = |[x, y]: [f64; 2]| {
+                        let (u, v) = uniform_triangle(Vec2::new(x as f32, y as f32));
+                        self.triangle_uv(geometry, &Hit { t: 1.0, prim, u, v, instance: Hit::NO_INSTANCE })
+                    };
+                    OnPrim::new(pattern, &Layout { uv: &uv, affine: None }, count as usize)
+                };
+                Some((self.first_prim..self.first_prim + count).map(on_prim).collect())
+            }
+        };
+        let Some(patterns) = patterns else { return self };
+        let method = match self.method {
+            Method::Mesh(table) => {
+                let weight = |(i, p): (usize, &OnPrim)| geometry.area(self.first_prim + i as u32) * p.mean;
+                let weights: Vec<f64> = patterns.iter().enumerate().map(weight).collect();
+                match TriangleTable::new(&weights) {
+                    Some(table) => Method::Mesh(table),
+                    None => return ShapeSampler { method: Method::Mesh(table), ..self },
+                }
+            }
+            other => other,
+        };
+        ShapeSampler { method, patterns: Some(patterns.into()), ..self }
+    }
+
+    /// Mean over one primitive of the pattern that it is sampled by, if it is;
+    /// over the whole of what [`ShapeSampler::is_whole`].
+    #[must_use]
+    pub fn mean_pattern(&self, prim: PrimId) -> Option<f64> {
+        Some(self.on_prim(prim)?.mean)
+    }
+
+    /// Mean over the whole shape of the pattern that it is sampled by, if it is.
+    #[must_use]
+    pub fn mean_of_all(&self) -> Option<f64> {
+        let patterns = self.patterns.as_ref()?;
+        match &self.method {
+            Method::Mesh(table) => Some(table.total() / self.area),
+            _ => Some(patterns.first()?.mean),
+        }
+    }
+
+    fn on_prim(&self, prim: PrimId) -> Option<&OnPrim> {
+        let patterns = self.patterns.as_ref()?;
+        let index = if self.is_whole() { 0 } else { prim.checked_sub(self.first_prim)? };
+        patterns.get(index as usize)
+    }
+
+    /// The density over the unit square by which points of a primitive are chosen.
+    #[inline]
+    fn table(&self, prim: PrimId) -> Option<&SquareTable> {
+        if self.patterns.is_none() { None } else { self.on_prim(prim)?.table.as_ref() }
+    }
+
+    fn triangle_uv(&self, geometry: &Geometry, hit: &Hit) -> Vec2 {
+        geometry.triangle_surface(self.shape, hit, 0.0).uv
     }
 
     /// The shape.
@@ -104,10 +204,12 @@ impl ShapeSampler {
     /// Memory of its tables in bytes.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        match &self.method {
+        let tables = match &self.method {
             Method::Mesh(table) => table.memory_bytes(),
             Method::Plain | Method::Rectangle(_) | Method::Quad(_) => 0,
-        }
+        };
+        let of = |p: &OnPrim| size_of::<OnPrim>() + p.table.as_ref().map_or(0, SquareTable::memory_bytes);
+        tables + self.patterns.iter().flatten().map(of).sum::<usize>()
     }
 
     /// A point of the shape as seen from `from`. `None` when its density is
@@ -118,7 +220,7 @@ impl ShapeSampler {
             Method::Mesh(table) => {
                 let (index, u) = table.sample(u);
                 let prim = self.first_prim + index as u32;
-                self.sample_triangle(geometry, prim, from, u, geometry.area(prim) / self.area)
+                self.sample_triangle(geometry, prim, from, u, self.pmf(geometry, prim, table))
             }
             Method::Quad(quad) => self.sample_quad(geometry, quad, from, u),
             Method::Plain | Method::Rectangle(_) => self.sample_analytic(geometry, from, u),
@@ -135,6 +237,14 @@ impl ShapeSampler {
         }
     }
 
+    /// The probability of a triangle of a mesh.
+    fn pmf(&self, geometry: &Geometry, prim: PrimId, table: &TriangleTable) -> f64 {
+        match self.on_prim(prim) {
+            None => geometry.area(prim) / self.area,
+            Some(on_prim) => geometry.area(prim) * on_prim.mean / table.total(),
+        }
+    }
+
     fn sample_triangle(
         &self,
         geometry: &Geometry,
@@ -144,18 +254,28 @@ impl ShapeSampler {
         pmf: f64,
     ) -> Option<ShapeSample> {
         let view = TriangleView::new(&geometry.triangle(prim)?, from);
-        let (b1, b2) = view.sample(u).unwrap_or_else(|| uniform_triangle(u));
+        let table = self.table(prim);
+        let (b1, b2) = match by_table(table, view.pdf().is_some(), u) {
+            Ok([x, y]) => uniform_triangle(Vec2::new(x as f32, y as f32)),
+            Err(u) => view.sample(u).unwrap_or_else(|| uniform_triangle(u)),
+        };
         let hit = Hit { t: 1.0, prim, u: b1, v: b2, instance: Hit::NO_INSTANCE };
         self.finish_hit(geometry, &hit, from, |point, wi, distance_squared| {
-            pmf * view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, point, geometry.area(prim)))
+            let by_area = || by_area(distance_squared, wi, point, geometry.area(prim));
+            pmf * density(table, view.pdf(), || triangle_place(point), by_area)
         })
     }
 
     fn sample_quad(&self, geometry: &Geometry, quad: &Quad, from: Vec3, u: Vec2) -> Option<ShapeSample> {
         let view = RectView::of(&quad.frame, from);
-        let hit = quad.hit(view.sample(u).unwrap_or_else(|| Quad::uniform(u)));
+        let table = self.table(self.first_prim);
+        let hit = quad.hit(match by_table(table, view.pdf().is_some(), u) {
+            Ok(place) => signed(place),
+            Err(u) => view.sample(u).unwrap_or_else(|| Quad::uniform(u)),
+        });
         self.finish_hit(geometry, &hit, from, |point, wi, distance_squared| {
-            view.pdf().unwrap_or_else(|| by_area(distance_squared, wi, point, self.area))
+            let by_area = || by_area(distance_squared, wi, point, self.area);
+            density(table, view.pdf(), || quad.place(point), by_area)
         })
     }
 
@@ -179,6 +299,9 @@ impl ShapeSampler {
         let origin = from.as_dvec3();
         let towards = |point: AnalyticPoint| Some((point, (point.p - origin).try_normalize()?));
         let view = self.view(analytic, from);
+        if let Some(table) = self.table(self.first_prim) {
+            return self.sample_by_table(analytic, (table, &view), origin, u);
+        }
         let (point, wi) = match (&view, analytic) {
             (View::Sphere(view), Analytic::Sphere(sphere)) => view.sample(sphere, u)?,
             (View::Rectangle(view), Analytic::Rectangle(rectangle)) => {
@@ -194,6 +317,34 @@ impl ShapeSampler {
         };
         let point = self.round(analytic, &point);
         finish(&point, wi, view.pdf(by_area(distance_squared, wi, &point, self.area)))
+    }
+
+    /// A point of a rectangle, disk or cylinder with a pattern.
+    #[cold]
+    fn sample_by_table(
+        &self,
+        analytic: &Analytic,
+        (table, view): (&SquareTable, &View),
+        origin: DVec3,
+        u: Vec2,
+    ) -> Option<ShapeSample> {
+        let near = view.solid_angle_pdf();
+        let point = match (by_table(Some(table), near.is_some(), u), view, analytic) {
+            (Ok(place), _, Analytic::Rectangle(rectangle)) => {
+                let [x, y] = signed(place);
+                rectangle.at(x, y)
+            }
+            (Ok([x, y]), ..) => analytic.sample_area(Vec2::new(x as f32, y as f32)),
+            (Err(u), View::Rectangle(view), Analytic::Rectangle(rectangle)) => {
+                let [x, y] = view.sample(u)?;
+                rectangle.at(x, y)
+            }
+            (Err(u), ..) => analytic.sample_area(u),
+        };
+        let offset = point.p - origin;
+        let (wi, point) = (offset.try_normalize()?, self.round(analytic, &point));
+        let by_area = || by_area(offset.length_squared(), wi, &point, self.area);
+        finish(&point, wi, density(Some(table), near, || analytic_place(analytic, &point), by_area))
     }
 
     /// True when no point of a flat shape is seen on the side of its shading
@@ -221,7 +372,7 @@ impl ShapeSampler {
         distance_squared: f32,
     ) -> f32 {
         let pmf = match &self.method {
-            Method::Mesh(_) => geometry.area(point.prim) / self.area,
+            Method::Mesh(table) => self.pmf(geometry, point.prim, table),
             Method::Plain | Method::Rectangle(_) | Method::Quad(_) => 1.0,
         };
         in_f32(pmf * self.pdf_of_prim(geometry, from, point, wi, distance_squared))
@@ -249,14 +400,23 @@ impl ShapeSampler {
         distance_squared: f32,
     ) -> f64 {
         let uniform = |area| by_area(f64::from(distance_squared), wi.as_dvec3(), point, area);
+        let table = self.table(point.prim);
         if let Method::Quad(quad) = &self.method {
-            return RectView::of(&quad.frame, from).pdf().unwrap_or_else(|| uniform(self.area));
+            let near = RectView::of(&quad.frame, from).pdf();
+            return density(table, near, || quad.place(point), || uniform(self.area));
         }
         match (geometry.analytic(self.first_prim), geometry.triangle(point.prim)) {
-            (Some(analytic), _) => self.view(analytic, from).pdf(uniform(self.area)),
+            (Some(analytic), _) => {
+                let view = self.view(analytic, from);
+                if table.is_none() {
+                    return view.pdf(uniform(self.area));
+                }
+                let place = || analytic_place(analytic, point);
+                density(table, view.solid_angle_pdf(), place, || uniform(self.area))
+            }
             (None, Some(vertices)) => {
                 let view = TriangleView::new(&vertices, from);
-                view.pdf().unwrap_or_else(|| uniform(geometry.area(point.prim)))
+                density(table, view.pdf(), || triangle_place(point), || uniform(geometry.area(point.prim)))
             }
             (None, None) => 0.0,
         }
@@ -299,6 +459,68 @@ impl View {
             View::Area => by_area,
         }
     }
+
+    /// Density per solid angle of a rectangle nearby; `None` for what is
+    /// sampled by area.
+    fn solid_angle_pdf(&self) -> Option<f64> {
+        match self {
+            View::Rectangle(view) => view.pdf(),
+            View::Sphere(_) | View::Area => None,
+        }
+    }
+}
+
+/// A place of the unit square by a table, or the numbers to sample without
+/// one. What is near is sampled half by its table, if that varies more than
+/// the distance does.
+#[inline]
+fn by_table(table: Option<&SquareTable>, near: bool, u: Vec2) -> Result<[f64; 2], Vec2> {
+    match table {
+        None => Err(u),
+        Some(table) if !near => Ok(table.sample(u)),
+        Some(table) if table.contrast() < NEAR_CONTRAST => Err(u),
+        Some(table) if u.x < 0.5 => Ok(table.sample(Vec2::new(2.0 * u.x, u.y))),
+        Some(_) => Err(Vec2::new(2.0 * u.x - 1.0, u.y)),
+    }
+}
+
+/// The density per solid angle of what [`by_table`] decides: `near` is that of
+/// sampling by solid angle if there is one, `place` the point in the square,
+/// `by_area` the density of points uniform in area.
+#[inline]
+fn density(
+    table: Option<&SquareTable>,
+    near: Option<f64>,
+    place: impl FnOnce() -> [f64; 2],
+    by_area: impl FnOnce() -> f64,
+) -> f64 {
+    match (table, near) {
+        (None, Some(near)) => near,
+        (None, None) => by_area(),
+        (Some(table), None) => table.density(place()) * by_area(),
+        (Some(table), Some(near)) if table.contrast() < NEAR_CONTRAST => near,
+        (Some(table), Some(near)) => 0.5 * near + 0.5 * table.density(place()) * by_area(),
+    }
+}
+
+/// Coordinates in \[-1, 1\]² of a place of the unit square.
+fn signed(place: [f64; 2]) -> [f64; 2] {
+    place.map(|c| 2.0 * c - 1.0)
+}
+
+/// Where in the unit square a point of a triangle is.
+fn triangle_place(point: &SurfacePoint) -> [f64; 2] {
+    triangle_to_square(point.barycentric.x, point.barycentric.y)
+}
+
+/// The same for a rectangle, disk or cylinder, by its (u, v).
+fn analytic_place(analytic: &Analytic, point: &SurfacePoint) -> [f64; 2] {
+    let [u, v] = [f64::from(point.uv.x), f64::from(point.uv.y)];
+    match analytic {
+        Analytic::Disk(_) => disk_to_square(u, v * std::f64::consts::TAU),
+        Analytic::Cylinder(_) => [v, u],
+        Analytic::Rectangle(_) | Analytic::Sphere(_) => [u, v],
+    }
 }
 
 /// 1/A per area, per solid angle. Infinite edge-on.
@@ -321,6 +543,7 @@ fn finish(point: &SurfacePoint, wi: DVec3, pdf: f64) -> Option<ShapeSample> {
         uv: point.uv,
         wi: wi.as_vec3(),
         prim: point.prim,
+        instance: point.instance,
         pdf,
         planar: point.planar,
     })

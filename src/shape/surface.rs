@@ -70,6 +70,7 @@ impl SurfacePoint {
             t_max: 1.0,
             time: self.time,
             skip: self.skip(),
+            // In an instance it is met by nobody out here: there its error box is enough.
             skip_end: if target.planar { target.prim } else { Ray::NO_SKIP },
             skip_instance: self.instance,
         }
@@ -106,6 +107,8 @@ pub struct ShapeSample {
     pub wi: Vec3,
     /// The primitive.
     pub prim: PrimId,
+    /// The instance that it is in; [`super::Hit::NO_INSTANCE`] when in none.
+    pub instance: PrimId,
     /// Probability density per solid angle at the reference point; finite and
     /// above 0. Both sides of the shape count as visible.
     pub pdf: f32,

@@ -12,6 +12,7 @@ use super::texels::Texels;
 use super::{Coords, UvMap, example_image, scalar};
 use crate::desc::{Image, Result};
 use crate::math::{Rgb, Transform, Vec2};
+use crate::sampling::Raster;
 
 /// How a bitmap is looked up between texel centres.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -182,6 +183,16 @@ impl Bitmap {
 
     pub(super) fn aspect(&self) -> f64 {
         f64::from(self.texels.width()) / f64::from(self.texels.height())
+    }
+
+    pub(super) fn raster(&self) -> Option<Raster> {
+        if self.reads_attributes() {
+            return None;
+        }
+        let scaled = |row: [f32; 3], size: u32| row.map(|c| f64::from(c) * f64::from(size));
+        let UvMap { u, v } = self.to_uv;
+        let map = [scaled(u, self.texels.width()), scaled(v, self.texels.height())];
+        Some(Raster { map, bilinear: self.filter_type == FilterType::Bilinear })
     }
 
     fn resolution(&self) -> Vec2 {

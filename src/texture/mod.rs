@@ -30,6 +30,7 @@ use std::sync::Arc;
 use crate::color::luminance;
 use crate::desc::{Image, Pixels, kinds};
 use crate::math::{Rgb, Transform, Vec2, Vec4};
+use crate::sampling::Raster;
 
 kinds! {
     /// A colour or number over (u, v).
@@ -173,6 +174,15 @@ impl Texture {
         match self {
             Texture::Bitmap(b) => b.aspect(),
             _ => 1.0,
+        }
+    }
+
+    /// How its texels lie on (u, v); `None` for what is no picture over them.
+    #[must_use]
+    pub fn raster(&self) -> Option<Raster> {
+        match self {
+            Texture::Bitmap(b) => b.raster(),
+            Texture::Constant(_) | Texture::Checkerboard(_) | Texture::Attribute(_) => None,
         }
     }
 
