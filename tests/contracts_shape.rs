@@ -294,10 +294,10 @@ fn check_sampler(name: &str, geometry: &Geometry, from: Vec3, seed: u64) -> f64 
 }
 
 fn some_point(geometry: &Geometry) -> SurfacePoint {
-    let (centre, _) = geometry.bounds().bounding_sphere();
+    let (centre, radius) = geometry.bounds().bounding_sphere();
     let (mut random, mut found) = (Random::new(0), None);
     while found.is_none() {
-        let ray = Ray::new(centre + random.vector() * geometry.bounds().extent(), random.direction());
+        let ray = Ray::new(centre + random.vector() * radius, random.direction());
         found = all_hits(geometry, &ray).pop();
     }
     found.unwrap()
