@@ -4,10 +4,10 @@
 //! The same nodes, traversal and blocks of four, and in place of our tests
 //! those of a renderer that lives with an epsilon: triangles by Möller and
 //! Trumbore 1997 in f32 (edges stored, no fallback, parameters not confined to
-//! the box), nothing left out, rays not checked. So rays
-//! pass between triangles, and those that leave a surface have to start a fixed
-//! distance off it. What is no still triangle is tested as elsewhere; there are
-//! no instances. `record/robust-cost.md` has the figures.
+//! the box), nothing left out, rays not checked. So rays pass between
+//! triangles, and those that leave a surface have to start a fixed distance off
+//! it. What is no still triangle is tested as elsewhere; there are no
+//! instances. `record/robust-cost.md` has the figures.
 
 use super::bvh8::{Bvh8, Closest, Occluded, Quality};
 use super::ground::Ground;

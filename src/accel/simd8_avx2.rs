@@ -307,8 +307,8 @@ fn sheared(ray: &WideRay, probe: &RayProbe, block: &Block) -> Sheared {
 /// be later. The primitives that the ray leaves out: it meets the block of the
 /// one that it starts on. Triangles behind the origin: t is an average of those
 /// of the vertices. And those whose boxes begin behind `limit` already along the
-/// longest axis, to which t would be confined: a box begins at most [`WIDENING`] times
-/// its largest coordinate and a few roundings before the nearest of the vertices.
+/// longest axis, to which t would be confined: a box begins at most [`WIDENING`]
+/// times its largest coordinate and a few roundings before the nearest vertex.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn triangles(ray: &WideRay, probe: &RayProbe, block: &Block, mask: u32, limit: f32) -> Met {

@@ -9,11 +9,10 @@ use crate::math::{Bounds, Ray, Vec3, gamma};
 /// [`RayProbe::FAR_SLACK`] so that rounding never loses a box (Ize 2013,
 /// "Robust BVH Ray Traversal"; pbrt-v4 section 6.1.2). The factor is put on
 /// the reciprocal direction once for each ray: as many roundings as when it is
-/// put on each distance, and as monotone. All comparisons drop
-/// NaN, which arises only where the origin lies on a face parallel to the ray:
-/// such a face does not bound. An interval that is one point is empty: a flat
-/// box at a distance has one that is longer, by the slack, and at no distance
-/// nothing can be hit.
+/// put on each distance, and as monotone. All comparisons drop NaN, which arises
+/// only where the origin lies on a face parallel to the ray: such a face does
+/// not bound. An interval that is one point is empty: that of a flat box at a
+/// distance is longer, by the slack, and at no distance nothing can be hit.
 ///
 /// Vectors have a fourth number without meaning, so that they are loaded whole.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +44,7 @@ pub struct RayProbe {
 
 impl RayProbe {
     /// 1 + 2γ(5), the factor on the far end of every box interval: γ(3) for each
-    /// end, and as much again as the test of triangles moves what it hits, in
+    /// end, and γ(4) by which the test of triangles may move what it hits, in
     /// proportion to the way.
     pub const FAR_SLACK: f32 = 1.0 + 2.0 * gamma(5);
 
