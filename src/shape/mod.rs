@@ -61,6 +61,7 @@ pub use rectangle::Rectangle;
 pub use sampler::ShapeSampler;
 pub use sphere::Sphere;
 pub use surface::{ShapeSample, SurfacePoint};
+#[cfg(target_arch = "x86_64")]
 pub(crate) use triangle::WIDENING;
 pub use triangle_view::TriangleView;
 pub use view::{RectView, SphereView};
