@@ -236,7 +236,7 @@ impl Case<'_> {
 
     fn pdf(&self, hit: &SurfacePoint, wi: Vec3) -> f32 {
         let distance_squared = (hit.p - self.receiver.p).length_squared();
-        self.area.pdf(self.geometry, &self.receiver, hit, wi, distance_squared)
+        self.area.pdf(self.geometry, &self.receiver, (hit, false), wi, distance_squared)
     }
 
     fn look_everywhere(&self, window: &Window) -> Seen {

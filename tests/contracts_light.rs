@@ -577,7 +577,8 @@ fn area_lights_agree_with_rays_that_hit_them() {
             let weight = s.radiance.as_dvec3() / f64::from(s.pdf);
             sum += weight;
             squares += weight * weight;
-            let pdf = area.pdf(geometry, &Receiver::free(*p), &hit, s.wi, (hit.p - *p).length_squared());
+            let pdf =
+                area.pdf(geometry, &Receiver::free(*p), (&hit, false), s.wi, (hit.p - *p).length_squared());
             // Edge-on, rounding turns the normal; at an edge it changes the face.
             if s.wi.dot(hit.ng).abs() > 2e-3 && hit.prim == target.prim {
                 assert!((pdf / s.pdf - 1.0).abs() < 2e-3, "{name}: densities {pdf} and {}", s.pdf);

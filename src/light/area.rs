@@ -101,36 +101,39 @@ impl AreaLight {
     }
 
     /// Density per solid angle at the receiver with which [`super::Light::sample`]
-    /// chooses the direction `wi` to `point`, at squared distance `dist2`.
+    /// chooses the direction `wi` to `point`, at squared distance `dist2`; with
+    /// `part`, that of [`super::Light::sample_part`] for the primitive of `point`.
     #[must_use]
+    #[inline]
     pub fn pdf(
         &self,
         geometry: &Geometry,
         from: &Receiver,
-        point: &SurfacePoint,
+        (point, part): (&SurfacePoint, bool),
         wi: Vec3,
         dist2: f32,
     ) -> f32 {
         if self.instance != Hit::NO_INSTANCE {
-            return self.placed_pdf(geometry, from, (point, wi), false);
+            return self.placed_pdf(geometry, from, (point, part), wi);
         }
-        self.sampler.pdf(geometry, from.p, point, wi, dist2)
+        self.pdf_here(geometry, from.p, (point, part), wi, dist2)
     }
 
-    /// The same for [`super::Light::sample_part`] of the primitive of `point`.
-    #[must_use]
-    pub fn pdf_part(
+    /// In the space of the shape.
+    #[inline]
+    fn pdf_here(
         &self,
         geometry: &Geometry,
-        from: &Receiver,
-        point: &SurfacePoint,
+        p: Vec3,
+        (point, part): (&SurfacePoint, bool),
         wi: Vec3,
         dist2: f32,
     ) -> f32 {
-        if self.instance != Hit::NO_INSTANCE {
-            return self.placed_pdf(geometry, from, (point, wi), true);
+        if part {
+            self.sampler.pdf_prim(geometry, p, point, wi, dist2)
+        } else {
+            self.sampler.pdf(geometry, p, point, wi, dist2)
         }
-        self.sampler.pdf_prim(geometry, from.p, point, wi, dist2)
     }
 
     #[cold]
@@ -138,19 +141,15 @@ impl AreaLight {
         &self,
         geometry: &Geometry,
         from: &Receiver,
-        (point, wi): (&SurfacePoint, Vec3),
-        part: bool,
+        (point, part): (&SurfacePoint, bool),
+        wi: Vec3,
     ) -> f32 {
         let Some(instance) = geometry.instance(self.instance) else { return 0.0 };
         let placed = instance.at(from.time);
         let (p, local) = (placed.point_to_local(from.p), placed.to_local(point));
         let (wi, factor) = placed.direction_to_local(wi);
         let dist2 = (local.p - p).length_squared();
-        let pdf = if part {
-            self.sampler.pdf_prim(geometry, p, &local, wi, dist2)
-        } else {
-            self.sampler.pdf(geometry, p, &local, wi, dist2)
-        };
+        let pdf = self.pdf_here(geometry, p, (&local, part), wi, dist2);
         let pdf = (f64::from(pdf) * factor) as f32;
         if pdf.is_finite() { pdf } else { 0.0 }
     }

@@ -256,11 +256,8 @@ impl Scene {
         if rate == 0.0 {
             return 0.0;
         }
-        rate * if self.selection.is_fine() {
-            area.pdf_part(&self.geometry, receiver, surface, wi, distance_squared)
-        } else {
-            area.pdf(&self.geometry, receiver, surface, wi, distance_squared)
-        }
+        let part = self.selection.is_fine();
+        rate * area.pdf(&self.geometry, receiver, (surface, part), wi, distance_squared)
     }
 
     /// The same for the environment, which every receiver sees alike.

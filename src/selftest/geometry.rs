@@ -16,7 +16,7 @@ pub(super) const ROWS: &[Row] = &[
     Row {
         id: "D1",
         what: "closed meshes are watertight, and needles",
-        run: |s| count(s, &[watertight, needles]),
+        run: |s| count(s, &[watertight, rooms, needles]),
     },
     Row { id: "D2", what: "nothing is met again", run: |s| count(s, &[reintersection]) },
     Row {
@@ -63,6 +63,71 @@ fn watertight(full: bool) -> Cases {
         let geometry = geometry_of(&[sphere(rings, segments, 2.0, centre)]);
         let from = |random: &mut Random| centre + random.vector() * 0.5;
         leaks(place, &geometry, if full { 10_000_000 } else { 120_000 }, from, &mut rows);
+    }
+    rows
+}
+
+/// Half the size of a room.
+const ROOM: Vec3 = Vec3::new(1.0, 0.7, 1.3);
+
+/// A closed room of axis-parallel walls, each of `n` × `n` fields of unequal size.
+fn room(n: u16, centre: Vec3) -> Mesh {
+    let line = |axis: usize, i: u16| {
+        let x = 2.0 * f32::from(i) / f32::from(n) - 1.0;
+        centre[axis] + ROOM[axis] * x * (0.6 + 0.4 * x * x)
+    };
+    let mut triangles = Vec::new();
+    for (axis, wall) in [(0, 0), (0, n), (1, 0), (1, n), (2, 0), (2, n)] {
+        let corner = |i: u16, j: u16| {
+            let mut at = Vec3::ZERO;
+            for (k, line_of) in [(axis, wall), ((axis + 1) % 3, i), ((axis + 2) % 3, j)] {
+                at[k] = line(k, line_of);
+            }
+            at
+        };
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    mesh_of(&triangles)
+}
+
+/// Walls, whose boxes are flat: leaks from anywhere inside, from close beside a
+/// wall, and of rays that leave a wall inward and begin inside. In a corner of a
+/// room far away a point is rounded onto the other wall as well, and what begins
+/// on that does not meet it.
+fn rooms(full: bool) -> Cases {
+    let mut rows = Cases::new();
+    let rays = if full { 3_000_000 } else { 60_000 };
+    for (place, centre) in [("a room at the origin", Vec3::ZERO), ("a room far away", FAR)] {
+        let geometry = geometry_of(&[room(24, centre)]);
+        let inside = |r: &mut Random| centre + r.vector() * ROOM * 0.9;
+        leaks(place, &geometry, rays, inside, &mut rows);
+        // At the least a unit in the last place inward of the wall.
+        let beside = |r: &mut Random| {
+            let (mut at, axis) = (inside(r), r.below(3) as usize);
+            let wall = centre[axis] + ROOM[axis];
+            at[axis] = (wall - r.log_uniform(8.0).abs().min(1.0)).min(wall.next_down());
+            at
+        };
+        leaks(&format!("{place}, beside a wall"), &geometry, rays, beside, &mut rows);
+        for accel in all(&geometry) {
+            let (mut random, mut misses, mut tried) = (Random(19), 0, 0);
+            for i in 0..share(&accel, &geometry, rays) {
+                let origin = inside(&mut random);
+                let Some((_, wall)) = hit_near(&geometry, &accel, i, origin, &mut random) else { continue };
+                let dir = random.direction();
+                let dir = if dir.dot(wall.ng) * (origin - wall.p).dot(wall.ng) < 0.0 { -dir } else { dir };
+                let ray = wall.spawn(dir);
+                let within = ray.origin.cmplt(centre + ROOM) & ray.origin.cmpgt(centre - ROOM);
+                if within.all() {
+                    misses += u64::from(accel.closest(&geometry, &ray).is_none());
+                    tried += 1;
+                }
+            }
+            rows.push((format!("{place}, from its walls, {}", accel.name()), misses as f64, tried));
+        }
     }
     rows
 }
@@ -143,7 +208,8 @@ fn left_outward(aspect: f32, geometry: &Geometry, accel: &Accel, rays: u64) -> C
 /// D2: triangles, spheres, cylinders, disks, rectangles and an instanced sphere
 /// with coordinates of 10^±8, hit, and left.
 fn reintersection(full: bool) -> Cases {
-    const KINDS: [&str; 6] = ["triangle", "sphere", "cylinder", "disk", "rectangle", "instance"];
+    const ANYWHERE: &str = "triangle seen from 10^±8";
+    const KINDS: [&str; 7] = ["triangle", ANYWHERE, "sphere", "cylinder", "disk", "rectangle", "instance"];
     let objects = if full { 20_000 } else { 1000 };
     let row = |kind: &&str| {
         let mut random = Random(11);
@@ -151,7 +217,11 @@ fn reintersection(full: bool) -> Cases {
         for _ in 0..objects {
             let (geometry, target, size) = object(kind, &mut random);
             let Ok(accel) = Accel::build_named(None, &geometry) else { continue };
-            let origin = target + random.direction() * size * 4.0;
+            let origin = if *kind == ANYWHERE {
+                Vec3::from_array([(); 3].map(|()| random.log_uniform(8.0)))
+            } else {
+                target + random.direction() * size * 4.0
+            };
             let ray = Ray::new(origin, target - origin);
             let Some(hit) = accel.closest(&geometry, &ray) else { continue };
             let surface = geometry.surface(&ray, &hit);
@@ -173,7 +243,7 @@ fn object(kind: &str, random: &mut Random) -> (Geometry, Vec3, f32) {
     let mut builder = GeometryBuilder::new();
     let at = Vec3::from_array([(); 3].map(|()| random.log_uniform(8.0)));
     let size = random.log_uniform(8.0).abs();
-    if kind == "triangle" {
+    if kind.starts_with("triangle") {
         let corners = [(); 3].map(|()| Vec3::from_array([(); 3].map(|()| random.log_uniform(8.0))));
         let _ = builder.add_mesh(&mesh_of(&[corners]), &Transform::IDENTITY, MeshOptions::default());
         let target = corners[0] * 0.3 + corners[1] * 0.3 + corners[2] * 0.4;
