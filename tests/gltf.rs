@@ -49,7 +49,10 @@ fn a_square() {
     // What a file without camera and light gets.
     assert!(warns(&scene, &["shows no camera"]) && warns(&scene, &["no light", "white"]));
     assert_eq!(rgb(only(&scene, Category::Emitter, "constant"), "radiance"), [1.0; 3]);
-    assert!(matches!(param(only(&scene, Category::Integrator, "path"), "max_depth"), Some(Value::Int(-1))));
+    assert!(matches!(
+        param(only(&scene, Category::Integrator, "volpath"), "max_depth"),
+        Some(Value::Int(-1))
+    ));
 }
 
 #[test]
@@ -362,11 +365,11 @@ fn material_parameters() {
         assert_eq!(rgb(bsdf, name), value, "{name}");
     }
     assert!(matches!(param(bsdf, "two_sided"), Some(Value::Bool(true))));
-    assert!(param(bsdf, "attenuation_distance").is_none());
-    assert!(
-        warns(&scene, &["KHR_materials_volume", "attenuation"])
-            && warns(&scene, &["KHR_materials_dispersion"])
-    );
+    assert!(warns(&scene, &["KHR_materials_dispersion"]));
+    // After half a metre red alone is left.
+    let medium = only(&scene, Category::Medium, "homogeneous");
+    let [red, green, blue] = rgb(medium, "sigma_t");
+    assert!(red == 0.0 && green > 100.0 && green == blue, "{red} {green} {blue}");
     // An anisotropy has a direction to follow.
     assert_eq!(mesh_of(&scene, only(&scene, Category::Shape, "mesh")).tangents.len(), 4);
 }

@@ -199,7 +199,7 @@ fn kinds_of_old() {
     assert!(matches!(value(find(&scene, Category::Bsdf), "eta"), Some(Value::Rgb(c)) if c == &[2.0; 3]));
     let scene =
         strict("<integrator type=\"volpath_simple\"><integer name=\"maxDepth\" value=\"3\"/></integrator>");
-    assert_eq!(find(&scene, Category::Integrator).plugin, "path");
+    assert_eq!(find(&scene, Category::Integrator).plugin, "volpath");
     let scene = strict(
         "<film type=\"ldrfilm\"><float name=\"gamma\" value=\"-1\"/><string name=\"pixelFormat\" value=\"luminanceAlpha\"/>\
          <boolean name=\"highQualityEdges\" value=\"true\"/><string name=\"fileFormat\" value=\"png\"/></film>",
@@ -390,7 +390,7 @@ fn leniency_names_what_it_replaces() {
         "<string>:5:24: cannot find the file `sky.exr`; replaced by a grey surrounding",
         "<string>:6:23: shape `sphere` takes no parameter `radus`; ignored",
         "<string>:7:23: unknown bsdf `velvet`; replaced by a grey `diffuse`",
-        "<string>:8:1: participating media are not supported; left out",
+        "<string>:8:1: participating media that scatter are not supported; left out",
         "<string>:9:48: unknown texture `marble`; replaced by mid grey",
     ];
     assert_eq!(notes.len(), expected.len(), "{notes:#?}");

@@ -20,6 +20,7 @@ const ROOMS: &[(&str, u32)] = &[
     ("material", 3),
     ("light", 3),
     ("camera", 3),
+    ("medium", 3),
     ("accel", 3),
     ("scene", 4),
     ("film", 3),

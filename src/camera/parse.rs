@@ -39,6 +39,7 @@ pub(super) fn camera(scene: &SceneDesc, id: ObjectId, film: FilmSize, recentre: 
     // Built by the rooms that own them.
     params.children(Category::Film);
     params.children(Category::Sampler);
+    params.children(Category::Medium);
 
     let camera = match params.object().plugin.as_str() {
         "perspective" => {

@@ -55,7 +55,7 @@ pub struct SceneArgs {
     /// Render only this part of the film; in pixels.
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_crop)]
     pub crop: Option<[u32; 4]>,
-    /// Integrator instead of the file's: path, direct, whitted, ao or depth.
+    /// Integrator instead of the file's: path, volpath, direct, whitted, ao or depth.
     #[arg(long, value_name = "NAME")]
     pub integrator: Option<String>,
     /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.

@@ -1,5 +1,7 @@
 //! Reads the `<integrator>` of a scene; names, parameters and defaults as in
-//! Mitsuba 3.9, and two of our own (`whitted`, `ao`).
+//! Mitsuba 3.9, and two of our own (`whitted`, `ao`). `volpath` is the same path
+//! tracer as `path`, which knows media as well, but for it surfaces where
+//! nothing happens (`null`) do not make a path longer.
 
 use super::{AmbientOcclusion, Depth, Direct, Integrator, Path, Whitted};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
@@ -7,7 +9,7 @@ use crate::film::LayerSet;
 use crate::math::Rgb;
 
 /// Scene-file names of all integrators.
-pub const NAMES: &[&str] = &["path", "direct", "whitted", "ao", "depth", "moment", "aov"];
+pub const NAMES: &[&str] = &["path", "volpath", "direct", "whitted", "ao", "depth", "moment", "aov"];
 
 /// Choices of the command line that go over the scene file.
 #[derive(Clone, Debug, Default)]
@@ -86,7 +88,10 @@ impl Integrator {
             _ => (u32::MAX, false),
         };
         Ok(match name {
-            "path" => Integrator::Path(Path { max_depth, hide_emitters, ..DEFAULT_PATH }),
+            "path" | "volpath" => {
+                let see_through = name == "volpath";
+                Integrator::Path(Path { max_depth, hide_emitters, see_through, ..DEFAULT_PATH })
+            }
             "direct" => Integrator::Direct(Direct { emitter_samples: 1, bsdf_samples: 1, hide_emitters }),
             "whitted" => Integrator::Whitted(Whitted {
                 max_depth: max_depth.min(DEFAULT_WHITTED.max_depth),
@@ -118,7 +123,8 @@ impl Integrator {
     }
 }
 
-const DEFAULT_PATH: Path = Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false };
+const DEFAULT_PATH: Path =
+    Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false, see_through: false };
 const DEFAULT_WHITTED: Whitted = Whitted { max_depth: 8, ambient: None, cutoff: 1e-3, hide_emitters: false };
 
 /// Mitsuba's depth: −1 is no limit.
@@ -193,7 +199,7 @@ fn max_depth(params: &Params, default: i64) -> Result<u32> {
 fn read(params: &Params) -> Result<Integrator> {
     let hide_emitters = || params.bool("hide_emitters", false);
     Ok(match params.object().plugin.as_str() {
-        "path" => {
+        name @ ("path" | "volpath") => {
             let rr_depth = params.int("rr_depth", 5)?;
             if rr_depth < 1 {
                 let message = format!("`rr_depth` must be at least 1, found {rr_depth}");
@@ -203,6 +209,7 @@ fn read(params: &Params) -> Result<Integrator> {
                 max_depth: max_depth(params, -1)?,
                 rr_depth: u32::try_from(rr_depth).unwrap_or(u32::MAX),
                 hide_emitters: hide_emitters()?,
+                see_through: name == "volpath",
             })
         }
         "direct" => {

@@ -10,7 +10,7 @@
 //! is in the way is not known beforehand: candidates that the others outshine by
 //! far are kept apart, see [`FAINT`].
 
-use super::{Event, Record, shadow_ray};
+use super::{Event, Record, arriving};
 use crate::math::{Rgb, Vec2};
 use crate::sampling::power_heuristic;
 use crate::scene::{ChosenLight, Interaction, Scene};
@@ -38,16 +38,24 @@ pub struct Connection {
 }
 
 impl Connection {
-    /// What of it arrives at the camera through `beta`, by a shadow ray.
-    pub fn trace<R: Record>(self, scene: &Scene, hit: &Interaction, beta: Rgb, record: &mut R) -> Rgb {
+    /// What of it arrives at the camera through `beta`, by a shadow ray, which
+    /// goes through surfaces that are not there if it may `see_through` them.
+    pub fn trace<R: Record>(
+        self,
+        scene: &Scene,
+        hit: &Interaction,
+        (beta, see_through): (Rgb, bool),
+        record: &mut R,
+    ) -> Rgb {
         let Connection { light, f, mis, contribution } = self;
         let contribution = beta * contribution;
         if contribution == Rgb::ZERO {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(hit.surface, &light.sample));
-        let contribution = if occluded { Rgb::ZERO } else { contribution };
+        let left = arriving(scene, hit, &light.sample, see_through);
+        let occluded = left == Rgb::ZERO;
+        let contribution = if occluded { Rgb::ZERO } else { contribution * left };
         record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
         contribution
     }

@@ -29,9 +29,10 @@ impl Direct {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
+        let medium = scene.camera_medium();
         let Some(first) = first_hit(scene, &mut ray, self.hide_emitters, record) else {
             if !self.hide_emitters {
-                out.rgb = scene.environment(ray.dir);
+                out.rgb = scene.environment(ray.dir) * scene.transmittance(medium, f32::INFINITY);
                 out.alpha = if scene.environment.is_some() { 1.0 } else { 0.0 };
             }
             return out;
@@ -41,7 +42,7 @@ impl Direct {
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, &mut room);
+        let hit = scene.interact(&surface, -ray.dir, medium, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);
@@ -49,6 +50,9 @@ impl Direct {
         }
         for i in 0..self.bsdf_samples {
             out.rgb += self.bsdf_sample(scene, camera, &hit, i, record);
+        }
+        if scene.has_media() {
+            out.rgb *= scene.transmittance(medium, surface.p.distance(camera.ray.origin));
         }
         out
     }
@@ -65,8 +69,8 @@ impl Direct {
         let (choice, u) = camera.light(scene, i);
         let counts = Counts { light: self.emitter_samples as f32, bsdf: self.bsdf_samples as f32 };
         let Some(found) = connect(scene, hit, choice, u, counts) else { return Rgb::ZERO };
-        let main = found.main.trace(scene, hit, Rgb::ONE, record);
-        found.faint.map_or(main, |faint| main + faint.trace(scene, hit, Rgb::ONE, record))
+        let main = found.main.trace(scene, hit, (Rgb::ONE, false), record);
+        found.faint.map_or(main, |faint| main + faint.trace(scene, hit, (Rgb::ONE, false), record))
     }
 
     fn bsdf_sample<R: Record>(
@@ -81,15 +85,19 @@ impl Direct {
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else { return Rgb::ZERO };
         let ray = hit.surface.spawn(sample.wi);
         record.counters().scatter_rays += 1;
-        let (le, pdf) = match scene.closest(&ray) {
-            None => scene.environment_and_pdf(ray.dir),
+        let ((mut le, pdf), distance_squared) = match scene.closest(&ray) {
+            None => (scene.environment_and_pdf(ray.dir), f32::INFINITY),
             Some(next) => {
                 let surface = scene.surface(&ray, &next);
                 let distance_squared = (surface.p - hit.surface.p).length_squared();
                 let pdf = scene.light_pdf(&hit.receiver(), &surface, ray.dir, distance_squared);
-                (scene.emitted(&surface, -ray.dir), pdf)
+                ((scene.emitted(&surface, -ray.dir), pdf), distance_squared)
             }
         };
+        if scene.has_media() {
+            let medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
+            le *= scene.transmittance(medium, distance_squared.sqrt());
+        }
         if le == Rgb::ZERO {
             return Rgb::ZERO;
         }

@@ -19,10 +19,12 @@ pub use record::{Counters, Event, NoRecord, Record, Vertex};
 pub use whitted::Whitted;
 
 use crate::film::{PixelSample, Scale};
+use crate::light::LightSample;
 use crate::material::Scatter;
-use crate::math::{Ray, Vec2};
+use crate::math::{Ray, Rgb, Vec2};
+use crate::medium::Medium;
 use crate::sampling::Sampler;
-use crate::scene::Scene;
+use crate::scene::{Interaction, Scene};
 use crate::shape::{Hit, SurfacePoint};
 
 /// How radiance is estimated.
@@ -45,6 +47,7 @@ impl Integrator {
     #[must_use]
     pub fn name(&self) -> &'static str {
         match self {
+            Integrator::Path(Path { see_through: true, .. }) => "volpath",
             Integrator::Path(_) => "path",
             Integrator::Direct(_) => "direct",
             Integrator::Whitted(_) => "whitted",
@@ -92,7 +95,8 @@ impl Integrator {
                     .magnitudes(radius)
                     .chain(scene.dimmest(radius))
                     .filter(usable)
-                    .fold(f64::INFINITY, f64::min),
+                    .fold(f64::INFINITY, f64::min)
+                    * scene.least_transmittance(2.0 * radius),
             ],
         };
         let power = |size: f64| if usable(&size) { size.log2().ceil().exp2() } else { 1.0 };
@@ -203,9 +207,38 @@ impl CameraSample {
     }
 }
 
+/// What of a light sample's radiance arrives at a hit, per channel in [0, 1].
+/// With `see_through`, surfaces that let light straight on do not end it.
+#[inline]
+fn arriving(scene: &Scene, hit: &Interaction, light: &LightSample, see_through: bool) -> Rgb {
+    let ray = shadow_ray(hit.surface, light);
+    if (see_through && scene.plan.alpha) || scene.has_media() {
+        return arriving_through(scene, hit, (light, &ray), see_through);
+    }
+    if scene.occluded(&ray) { Rgb::ZERO } else { Rgb::ONE }
+}
+
+#[cold]
+fn arriving_through(
+    scene: &Scene,
+    hit: &Interaction,
+    (light, ray): (&LightSample, &Ray),
+    see_through: bool,
+) -> Rgb {
+    let medium = scene.medium_towards(hit.medium, hit.surface, light.wi);
+    if see_through && scene.plan.alpha {
+        return scene.passed(*ray, hit.surface.p, medium);
+    }
+    if scene.occluded(ray) {
+        return Rgb::ZERO;
+    }
+    let far = ray.t_max.is_infinite();
+    scene.transmittance(medium, if far { f32::INFINITY } else { ray.dir.length() * ray.t_max })
+}
+
 /// The shadow ray from a surface point to a light sample.
 #[must_use]
-pub fn shadow_ray(surface: &SurfacePoint, light: &crate::light::LightSample) -> Ray {
+pub fn shadow_ray(surface: &SurfacePoint, light: &LightSample) -> Ray {
     use crate::light::Target;
     match &light.target {
         Target::Surface(target) => surface.spawn_to(target),
@@ -220,7 +253,7 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
         return;
     }
     let mut room = Scatter::default();
-    let hit = scene.interact(surface, -camera.ray.dir, &mut room);
+    let hit = scene.interact(surface, -camera.ray.dir, Medium::NONE, &mut room);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);

@@ -3,7 +3,13 @@
 //! L = Σₖ βₖ Le(xₖ), estimated at every vertex by two strategies, sampling a
 //! light and sampling the bsdf, combined with the power heuristic (Veach 1997,
 //! section 9.2.4) in ratio form. Depth is counted as Mitsuba counts it: depth
-//! 1 is a light seen directly; passing through a `null` surface counts.
+//! 1 is a light seen directly.
+//!
+//! Where light passes straight through a surface (`null`, `mask`) there are two
+//! ways to go on. `path` does as Mitsuba's: that is a scattering, and shadow rays
+//! end there. To `volpath`, Mitsuba's name as well, nothing is there: shadow rays
+//! go on, and MIS weighs what a scattered ray finds behind by the density of the
+//! last scattering, which both strategies know.
 //!
 //! Russian roulette (Arvo & Kirk 1990) survives with probability
 //! min(1, max(β)·η²) once `rr_depth` is reached: the weight of a survivor is
@@ -15,7 +21,8 @@ use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::light::Receiver;
 use crate::material::Scatter;
-use crate::math::{Ray, Rgb};
+use crate::math::{Ray, Rgb, Vec3};
+use crate::medium::Medium;
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
 use crate::shape::SurfacePoint;
@@ -29,6 +36,9 @@ pub struct Path {
     pub rr_depth: u32,
     /// Lights are invisible to the camera.
     pub hide_emitters: bool,
+    /// Surfaces that let light straight through are not there: they neither end
+    /// shadow rays nor make a path longer.
+    pub see_through: bool,
 }
 
 /// How the last direction was sampled: what MIS needs to know.
@@ -43,8 +53,26 @@ struct State {
     ray: Ray,
     beta: Rgb,
     eta: f32,
+    /// Scatterings so far.
     bounce: u32,
+    /// Those that count.
+    depth: u32,
+    /// What the ray goes through.
+    medium: u32,
+    /// Where it comes from: not quite where it begins.
+    from: Vec3,
     last: Last,
+}
+
+impl State {
+    /// Loses what the medium takes on the way to a point, or to infinity.
+    #[inline]
+    fn absorb(&mut self, scene: &Scene, to: Option<Vec3>) {
+        if self.medium != Medium::NONE {
+            let distance = to.map_or(f32::INFINITY, |to| to.distance(self.from));
+            self.beta *= scene.transmittance(self.medium, distance);
+        }
+    }
 }
 
 impl Path {
@@ -60,6 +88,9 @@ impl Path {
             beta: Rgb::ONE,
             eta: 1.0,
             bounce: 0,
+            depth: 0,
+            medium: scene.camera_medium(),
+            from: camera.ray.origin,
             last: Last { receiver: Receiver::free(camera.ray.origin), pdf: 1.0, delta: true },
         };
         if scene.environment.is_some() && !self.hide_emitters {
@@ -71,6 +102,7 @@ impl Path {
         loop {
             let Some(hit) = found else {
                 record.event(|| Event::Left { direction: state.ray.dir });
+                state.absorb(scene, None);
                 // As Mitsuba: a hidden environment stays hidden behind holes.
                 if !self.hide_emitters || seen {
                     out.rgb += self.environment(scene, &state, record);
@@ -78,21 +110,22 @@ impl Path {
                 return out;
             };
             let surface = scene.surface(&state.ray, &hit);
+            state.absorb(scene, Some(surface.p));
             record.event(|| vertex(&surface, &state));
             if state.bounce == 0 {
                 first_hit_layers(&mut out, scene, camera, &surface);
             }
             out.rgb += self.hit_light(scene, &surface, &state, record);
-            let last_vertex = state.bounce + 1 >= self.max_depth;
+            let last_vertex = state.depth + 1 >= self.max_depth;
             if last_vertex {
                 if !seen && scene.light_of_shape(surface.shape).is_some() {
                     out.alpha = 1.0;
                 }
                 return out;
             }
-            let hit = scene.interact(&surface, -state.ray.dir, &mut room);
+            let hit = scene.interact(&surface, -state.ray.dir, state.medium, &mut room);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
-            match self.scatter(camera, &hit, &mut state, record) {
+            match self.scatter(scene, (camera, &hit), &mut state, record) {
                 Some(null) => {
                     if !null && !seen {
                         seen = true;
@@ -174,9 +207,10 @@ impl Path {
         let Some(found) = connect(scene, hit, choice, u, Counts { light: 1.0, bsdf: 1.0 }) else {
             return Rgb::ZERO;
         };
-        let main = found.main.trace(scene, hit, state.beta, record);
+        let through = (state.beta, self.see_through);
+        let main = found.main.trace(scene, hit, through, record);
         match found.faint {
-            Some(faint) => main + faint.trace(scene, hit, state.beta, record),
+            Some(faint) => main + faint.trace(scene, hit, through, record),
             None => main,
         }
     }
@@ -185,8 +219,8 @@ impl Path {
     /// path went straight through.
     fn scatter<R: Record>(
         &self,
-        camera: &CameraSample,
-        hit: &Interaction,
+        scene: &Scene,
+        (camera, hit): (&CameraSample, &Interaction),
         state: &mut State,
         record: &mut R,
     ) -> Option<bool> {
@@ -204,14 +238,20 @@ impl Path {
         state.beta *= sample.weight;
         state.eta *= sample.eta;
         state.ray = hit.surface.spawn(sample.wi);
-        state.last = Last { receiver: hit.receiver(), pdf: sample.pdf, delta: sample.delta };
+        let free = sample.null && self.see_through;
+        if !free {
+            state.last = Last { receiver: hit.receiver(), pdf: sample.pdf, delta: sample.delta };
+        }
+        state.from = hit.surface.p;
+        state.medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
         state.bounce += 1;
+        state.depth += u32::from(!free);
         Some(sample.null)
     }
 
     /// Russian roulette; false when the path ends.
     fn survive<R: Record>(&self, camera: &CameraSample, state: &mut State, record: &mut R) -> bool {
-        if state.bounce < self.rr_depth {
+        if state.depth < self.rr_depth {
             return true;
         }
         let survival = state.beta.max_element() * state.eta * state.eta;

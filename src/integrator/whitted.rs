@@ -8,7 +8,7 @@
 //! of the rendering equation: soft shadows, glossy reflections and indirect
 //! light are missing on purpose.
 
-use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers, shadow_ray};
+use super::{CameraSample, Event, Record, Vertex, arriving, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec2};
@@ -39,15 +39,17 @@ impl Whitted {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
+        let medium = scene.camera_medium();
         match first_hit(scene, &mut ray, self.hide_emitters, record) {
             Some(hit) => {
                 let surface = scene.surface(&ray, &hit);
                 out.alpha = 1.0;
                 first_hit_layers(&mut out, scene, camera, &surface);
-                out.rgb = self.shade(scene, &surface, &ray, (Rgb::ONE, 0), record);
+                let left = scene.transmittance(medium, surface.p.distance(camera.ray.origin));
+                out.rgb = left * self.shade(scene, (&surface, medium), &ray, (left, 0), record);
             }
             None if !self.hide_emitters => {
-                out.rgb = scene.environment(ray.dir);
+                out.rgb = scene.environment(ray.dir) * scene.transmittance(medium, f32::INFINITY);
                 out.alpha = if scene.environment.is_some() { 1.0 } else { 0.0 };
             }
             None => {}
@@ -61,11 +63,12 @@ impl Whitted {
         })
     }
 
-    /// Radiance that leaves a hit against `ray`; `beta` is the weight of the branch.
+    /// Radiance that leaves a hit against `ray`, which came through `medium`;
+    /// `beta` is the weight of the branch.
     fn shade<R: Record>(
         &self,
         scene: &Scene,
-        surface: &SurfacePoint,
+        (surface, medium): (&SurfacePoint, u32),
         ray: &Ray,
         (beta, bounce): (Rgb, u32),
         record: &mut R,
@@ -79,7 +82,7 @@ impl Whitted {
             return radiance;
         }
         let mut room = Scatter::default();
-        let hit = scene.interact(surface, -ray.dir, &mut room);
+        let hit = scene.interact(surface, -ray.dir, medium, &mut room);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
             for index in 0..scene.lights.len() {
@@ -104,8 +107,9 @@ impl Whitted {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let occluded = scene.occluded(&shadow_ray(hit.surface, &sample));
-        let contribution = if occluded { Rgb::ZERO } else { contribution };
+        let left = arriving(scene, hit, &sample, false);
+        let occluded = left == Rgb::ZERO;
+        let contribution = if occluded { Rgb::ZERO } else { contribution * left };
         record.event(|| Event::Light { wi: sample.wi, pdf: sample.pdf, f, mis: 1.0, contribution, occluded });
         contribution
     }
@@ -139,13 +143,16 @@ impl Whitted {
                 record.event(|| Event::Scatter { wi, weight, pdf: 1.0, delta: true });
                 let ray = hit.surface.spawn(wi);
                 record.counters().scatter_rays += 1;
+                let medium = scene.medium_towards(hit.medium, hit.surface, wi);
                 radiance += weight
                     * match scene.closest(&ray) {
                         Some(next) => {
                             let surface = scene.surface(&ray, &next);
-                            self.shade(scene, &surface, &ray, (beta * weight, bounce + 1), record)
+                            let left = scene.transmittance(medium, surface.p.distance(hit.surface.p));
+                            let branch = (beta * weight * left, bounce + 1);
+                            left * self.shade(scene, (&surface, medium), &ray, branch, record)
                         }
-                        None => scene.environment(wi),
+                        None => scene.environment(wi) * scene.transmittance(medium, f32::INFINITY),
                     };
             }
         }

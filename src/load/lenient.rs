@@ -7,6 +7,7 @@ use super::old_kinds::plain_path;
 use crate::desc::{Category, Error, ObjectId, Result, SceneDesc, Value};
 use crate::film::Filter;
 use crate::light::Light;
+use crate::medium::Medium;
 use crate::texture::Texture;
 use crate::{integrator, material, scene};
 
@@ -33,17 +34,16 @@ fn replace_kind(old: &mut Old) -> Result<()> {
         Category::Integrator => integrator::NAMES,
         Category::Rfilter => Filter::NAMES,
         Category::Film => &["hdrfilm"],
-        Category::Medium => &[],
+        Category::Medium => Medium::NAMES,
         _ => return Ok(()),
     };
-    if known.contains(&plugin.as_str()) {
-        return Ok(());
-    }
-    let unknown = if category == Category::Medium {
-        "participating media are not supported".to_owned()
-    } else {
-        format!("unknown {} `{plugin}`", category.tag())
+    let unknown = match category {
+        // Of one that is known it depends on what it does.
+        Category::Medium => Medium::from_desc(old.scene, old.id).err().map(|error| error.message),
+        _ if known.contains(&plugin.as_str()) => None,
+        _ => Some(format!("unknown {} `{plugin}`", category.tag())),
     };
+    let Some(unknown) = unknown else { return Ok(()) };
     let outcome = match category {
         Category::Bsdf => "replaced by a grey `diffuse`",
         Category::Texture => "replaced by mid grey",

@@ -5,7 +5,7 @@ use super::old::{Old, colour};
 use crate::desc::{Category, Result, Value};
 use crate::integrator;
 
-/// Integrators that without participating media are a plain `path`.
+/// Integrators that without media that scatter are one.
 const PATHS: &[&str] = &["volpath", "volpath_simple", "volpathmis"];
 
 /// A `<integrator>`.
@@ -17,7 +17,7 @@ pub fn integrator(old: &mut Old) -> Result<()> {
         );
     }
     match old.plugin().as_str() {
-        name if PATHS.contains(&name) => old.become_plugin("path"),
+        name if PATHS.contains(&name) => old.become_plugin("volpath"),
         "ao" => {
             old.forget(&["shading_samples"]);
             match old.get("ray_length").and_then(|p| super::old::number(&p.value)) {

@@ -11,7 +11,6 @@
 //! | `specular_color` | 1 | its colour at the normal |
 //! | `transmission` | 0 | share of the dielectric that is clear |
 //! | `thickness` | 0 | 0 is a thin wall, more (a number or texture) the surface of a solid that refracts by `ior` |
-//! | `attenuation_distance`, `attenuation_color` | none | absorption inside of a solid: not there yet, an error |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a coat of index 1.5, and its roughness |
 //! | `clearcoat_normal` | none | normal map of the coat; without it the coat is smooth even over a `normal` map |
 //! | `sheen_color`, `sheen_roughness` | 0 | sheen of cloth |
@@ -26,6 +25,8 @@
 //! | `normal` | none | tangent-space normal map as glTF has it |
 //! | `normal_scale` | 1 | factor on its x and y (a number) |
 //! | `two_sided` | false | an opaque surface looks the same from behind; else it is black there |
+//!
+//! What absorbs inside of a solid is the `interior` medium of the shape.
 //!
 //! All but the ones marked "a number" may be textures. Numbers outside of
 //! their range are errors; texels outside are clamped.
@@ -196,16 +197,8 @@ impl LayerTextures {
     fn new(params: &Params, ior: f64, glasses: Glasses) -> Result<Option<LayerTextures>> {
         let transmission = share(params, "transmission", 0.0)?;
         let thickness = texture_param(params, "thickness", Rgb::ZERO, Usage::Radiance)?;
-        params.rgb("attenuation_color", Rgb::ONE)?;
-        let distance = params.float_opt("attenuation_distance")?;
         let clear = transmission.is_constant() != Some(Rgb::ZERO);
         let solid = clear && thickness.max() > 0.0;
-        if solid && distance.is_some_and(f64::is_finite) {
-            return Err(params.error_at(
-                "attenuation_distance",
-                "absorption inside of a solid (`attenuation_distance`) is not supported yet; leave it out",
-            ));
-        }
         let layers = LayerTextures {
             transmission,
             // An index of 0 reflects everything: nothing is refracted.

@@ -191,6 +191,14 @@ impl<'a> Scatter<'a> {
         &self.lobes
     }
 
+    /// Share of the light that passes straight through, as if nothing were
+    /// there.
+    #[must_use]
+    pub fn null_share(&self) -> f32 {
+        let null = |lobe: &&Lobe| matches!(lobe.bsdf, Carrier::Plain(Bsdf::Null(_)));
+        self.lobes.iter().filter(null).map(|lobe| lobe.weight).sum()
+    }
+
     /// True when some lobe is not a delta: a light can be connected to.
     #[must_use]
     pub fn has_smooth(&self) -> bool {

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::lamps::{Glow, Lamps};
+use super::media::Media;
 use super::shapes::GroupContents;
 use super::{BuildOptions, LightSelection, NO_LIGHT, Plan, Scene, Traits};
 use crate::accel::{Accel, Quality};
@@ -13,6 +14,7 @@ use crate::film::FilmSpec;
 use crate::light::{AreaEmission, AreaLight, Beam, Light, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
 use crate::math::DVec3;
+use crate::medium::Medium;
 use crate::shape::{Geometry, GeometryBuilder, ShapeId, ShapeSampler};
 use crate::texture::{Usage, texture_from_desc};
 
@@ -32,6 +34,9 @@ pub(super) struct Builder<'a> {
     materials: Vec<Arc<Material>>,
     pub material_of_shape: Vec<u32>,
     material_index: HashMap<*const Material, u32>,
+    pub media: Media,
+    /// Index of each medium that has been read.
+    media_index: HashMap<ObjectId, u32>,
     pub pending: Vec<Pending>,
     /// Light of shapes in groups.
     pub glows: Vec<Glow>,
@@ -65,6 +70,8 @@ impl Scene {
             materials: Vec::new(),
             material_of_shape: Vec::new(),
             material_index: HashMap::new(),
+            media: Media::default(),
+            media_index: HashMap::new(),
             pending: Vec::new(),
             glows: Vec::new(),
             groups: HashMap::new(),
@@ -86,21 +93,23 @@ impl Scene {
         for (_, id) in root.children(Category::Emitter) {
             builder.emitter(id)?;
         }
+        for (_, id) in root.children(Category::Medium) {
+            builder.medium(id)?;
+        }
+        builder.media.camera = match desc.params(sensor).children(Category::Medium).as_slice() {
+            [] => Medium::NONE,
+            [(_, id)] => builder.medium(*id)?,
+            [_, (_, second), ..] => {
+                return Err(desc.error(desc.object(*second).pos, "a sensor stands in one medium only"));
+            }
+        };
         let shapes: Vec<ObjectId> = root.children(Category::Shape).iter().map(|(_, id)| *id).collect();
         builder.shapes(&shapes)?;
         root.children(Category::Integrator);
         root.children(Category::Sensor);
-        if let Some((_, id)) = root.children(Category::Medium).first() {
-            return Err(no_media(desc, *id));
-        }
         root.finish()?;
         builder.finish((camera, camera_motion), film, samples_per_pixel, options)
     }
-}
-
-pub(super) fn no_media(desc: &SceneDesc, id: ObjectId) -> Error {
-    desc.error(desc.object(id).pos, "participating media are not supported")
-        .hint("surfaces with `dielectric` or `roughdielectric` are the nearest thing")
 }
 
 fn one_sensor(root: &Params) -> Result<ObjectId> {
@@ -175,6 +184,35 @@ impl Builder<'_> {
         index
     }
 
+    /// The index of a medium.
+    fn medium(&mut self, id: ObjectId) -> Result<u32> {
+        if let Some(index) = self.media_index.get(&id) {
+            return Ok(*index);
+        }
+        let index = self.media.all.len() as u32;
+        self.media.all.push(Medium::from_desc(self.desc, id)?);
+        self.media_index.insert(id, index);
+        Ok(index)
+    }
+
+    /// The media inside and outside of a shape; `None` when it bounds none.
+    pub(super) fn sides(&mut self, params: &Params) -> Result<Option<[u32; 2]>> {
+        let children = params.children(Category::Medium);
+        let mut sides = [Medium::NONE; 2];
+        for (name, id) in &children {
+            let side = match *name {
+                "interior" => 0,
+                "exterior" => 1,
+                other => {
+                    let message = format!("a shape has a medium `interior` or `exterior`, found `{other}`");
+                    return Err(self.desc.error(self.desc.object(*id).pos, message));
+                }
+            };
+            sides[side] = self.medium(*id)?;
+        }
+        Ok((!children.is_empty()).then_some(sides))
+    }
+
     fn finish(
         mut self,
         (camera, camera_motion): (Camera, Option<CameraMotion>),
@@ -234,9 +272,11 @@ impl Builder<'_> {
             tangents: m.needs_tangents(),
             two_sided: m.needs_both_sides(),
             attributes: m.needs_attributes(),
+            null: m.has_null(),
         };
         let traits = self.materials.iter().map(traits).collect();
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
+        self.plan.media = self.media.all.len();
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());
         self.material_of_shape.resize(geometry.shapes().len(), 0);
         Ok(Scene {
@@ -248,6 +288,7 @@ impl Builder<'_> {
             samples_per_pixel: spp,
             lights,
             lamps,
+            media: self.media,
             selection,
             environment,
             plan: self.plan,

@@ -7,6 +7,7 @@
 
 mod build;
 mod lamps;
+mod media;
 mod plan;
 mod select;
 mod shapes;
@@ -63,6 +64,8 @@ pub struct Scene {
     /// Shapes of groups that glow, and which lights their instances are. The
     /// indices of these shapes go on from those of the lights.
     lamps: lamps::Lamps,
+    /// What fills space.
+    media: media::Media,
     /// How one of them is chosen.
     pub selection: LightSelection,
     /// Index of the environment among the lights.
@@ -87,6 +90,8 @@ struct Traits {
     two_sided: bool,
     /// It reads attributes of the mesh.
     attributes: bool,
+    /// Some light passes straight through.
+    null: bool,
 }
 
 /// A hit with everything that shading needs.
@@ -96,6 +101,8 @@ pub struct Interaction<'a, 's> {
     pub surface: &'a SurfacePoint,
     /// Unit direction towards where the path came from.
     pub wo: Vec3,
+    /// The medium that the path came through, [`crate::medium::Medium::NONE`] for none.
+    pub medium: u32,
     /// The material's lobes.
     pub scatter: &'a Scatter<'s>,
     /// Light from below the shading normal may count.
@@ -140,16 +147,18 @@ impl Scene {
         self.geometry.surface(ray, hit)
     }
 
-    /// A surface point with its material's lobes, which are put into `room`.
+    /// A surface point with its material's lobes, which are put into `room`;
+    /// seen through `medium`.
     #[inline]
     pub fn interact<'a, 's>(
         &'s self,
         surface: &'a SurfacePoint,
         wo: Vec3,
+        medium: u32,
         room: &'a mut Scatter<'s>,
     ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
-        let Traits { tangents, two_sided, attributes } = self.traits[index];
+        let Traits { tangents, two_sided, attributes, .. } = self.traits[index];
         let frame = if tangents {
             Frame::from_normal_tangent(surface.ns, surface.dpdu)
         } else {
@@ -165,7 +174,7 @@ impl Scene {
         let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
         let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv };
         self.materials[index].at(&point, room);
-        Interaction { surface, wo, scatter: room, two_sided }
+        Interaction { surface, wo, medium, scatter: room, two_sided }
     }
 
     /// The light that a shape is, if it is one.

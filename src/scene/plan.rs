@@ -28,6 +28,8 @@ pub struct Plan {
     pub placed_lights: usize,
     /// Lights that deform or are too many, which scattered rays alone find.
     pub unsampled_lights: usize,
+    /// Media, each of which absorbs.
+    pub media: usize,
     /// Triangles dropped because they have no area.
     pub dropped_triangles: usize,
     /// Shapes in the file.
@@ -96,8 +98,9 @@ impl Plan {
     /// One line for the file header: what there is.
     #[must_use]
     pub fn summary(&self) -> String {
+        let media = if self.media > 0 { format!("; media {}", self.media) } else { String::new() };
         format!(
-            "accel {}; {} triangles, {} analytic; lights {} ({}); bsdfs {}; lens {}; alpha {}; instances {}; motion {}",
+            "accel {}; {} triangles, {} analytic; lights {} ({}); bsdfs {}; lens {}; alpha {}; instances {}; motion {}{media}",
             self.accel,
             self.triangles,
             self.analytic,
@@ -163,7 +166,7 @@ impl Plan {
         );
         leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
         leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
-        out.push("media: none; no transmittance is tracked".to_owned());
+        leave(self.media == 0, "media: none; no transmittance is tracked".into());
         out
     }
 }

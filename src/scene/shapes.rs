@@ -4,7 +4,7 @@
 
 use std::sync::Arc;
 
-use super::build::{Builder, Pending, no_media};
+use super::build::{Builder, Pending};
 use super::lamps::Glow;
 use crate::desc::{Category, Error, ObjectId, Params, Result};
 use crate::light::area_emission_from_desc;
@@ -204,9 +204,7 @@ impl Builder<'_> {
         let params = desc.params(id);
         let emitters = params.children(Category::Emitter);
         let bsdfs = params.children(Category::Bsdf);
-        if let Some((_, medium)) = params.children(Category::Medium).first() {
-            return Err(no_media(desc, *medium));
-        }
+        let sides = self.sides(&params)?;
         if let [_, (_, second), ..] = bsdfs.as_slice() {
             return Err(desc.error(desc.object(*second).pos, "a shape has one bsdf only"));
         }
@@ -241,6 +239,10 @@ impl Builder<'_> {
             self.material_of_shape.resize(slot + 1, 0);
         }
         self.material_of_shape[slot] = index;
+        if sides.is_some() {
+            self.media.of_shape.resize(slot + 1, None);
+            self.media.of_shape[slot] = sides;
+        }
         match emission {
             None => {}
             Some(_) if self.in_group.is_some() && desc.object(emitters[0].1).plugin == "directionalarea" => {

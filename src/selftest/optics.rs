@@ -13,6 +13,7 @@ pub(super) const ROWS: &[Row] = &[
     Row { id: "A18", what: "the half that Brewster's angle leaves", run: brewster },
     Row { id: "A19", what: "Fresnel reflectance of diffuse light", run: diffuse_fresnel },
     Row { id: "A20", what: "radiance inside glass is n squared", run: inside_glass },
+    Row { id: "A21", what: "what an absorbing slab leaves, without noise", run: slab },
     Row { id: "A22", what: "circle of confusion of a lens", run: confusion },
     Row { id: "A23", what: "coverage of a moving plate", run: motion },
     Row { id: "A24", what: "what no path can find is black", run: unreachable },
@@ -111,6 +112,31 @@ fn inside_glass(sheet: &mut Sheet) -> Result<()> {
         let body = format!(r#"<shape type="sphere">{}</shape>{}"#, glass(eta), sky(1.0));
         let still = Still::new(body, [0.1, 0.05, 0.0], [1.0, 0.3, 0.2]);
         sheet.radiance(format!("n = {eta}"), eta * eta, &still)?;
+    }
+    Ok(())
+}
+
+fn slab(sheet: &mut Sheet) -> Result<()> {
+    let lamp = format!(
+        r#"<shape type="rectangle"><transform name="to_world"><translate z="-2"/></transform>{}</shape>"#,
+        glow(1.0)
+    );
+    for thickness in [1e-6, 0.1, 1.0, 5.0, 20.0, 80.0f64] {
+        // A cube has sides of 2.
+        let cube = format!(
+            r#"<shape type="cube"><bsdf type="null"/><medium name="interior" type="homogeneous">
+            <float name="sigma_t" value="0.5"/><float name="scale" value="{thickness:e}"/>
+            <float name="albedo" value="0"/></medium></shape>"#
+        );
+        let still = Still::new(format!("{lamp}{cube}"), [0.0, 0.0, 2.0], [0.0; 3])
+            .integrator(r#"<integrator type="volpath"/>"#)
+            .samples(16);
+        let (name, expected) = (format!("thickness {thickness}"), (-thickness).exp());
+        sheet.shop.offer(&name, &still, expected)?;
+        let values = sheet.shop.means(&still)?.values;
+        let off = values.iter().map(|v| (v / expected - 1.0).abs()).fold(0.0, f64::max);
+        sheet.within(name, expected, values[0], 1e-5);
+        sheet.within(format!("thickness {thickness}, farthest of all seeds"), 0.0, off, 1e-5);
     }
     Ok(())
 }

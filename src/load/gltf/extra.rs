@@ -84,14 +84,20 @@ fn volume(bsdf: &mut Bsdf, volume: &Volume) {
         return;
     }
     bsdf.params.push(("thickness", Value::Float(volume.thickness_factor)));
-    let colored = volume.attenuation_color.is_some_and(|c| c != [1.0; 3]);
-    if colored && volume.attenuation_distance.is_some_and(f64::is_finite) {
-        let place = bsdf.place.clone();
-        bsdf.objects.warn(
-            &place,
-            "KHR_materials_volume: what is inside takes no light away (attenuation is left out)",
-        );
-    }
+}
+
+/// What fills the body that a material is the surface of, if it takes light
+/// away: absorption per metre, and that only where light gets in.
+///
+/// After the distance that the extension gives, the colour that it gives is
+/// left. A colour of 0 lets as good as nothing through at any distance.
+pub fn interior(ext: &MaterialExtensions) -> Option<[f64; 3]> {
+    const BLACK: f64 = 1e-30;
+    let volume = ext.volume.as_ref().filter(|volume| volume.thickness_factor > 0.0)?;
+    ext.transmission.as_ref().filter(|e| e.transmission_factor > 0.0)?;
+    let distance = volume.attenuation_distance.filter(|d| *d > 0.0 && d.is_finite())?;
+    let sigma = volume.attenuation_color?.map(|c| -c.clamp(BLACK, 1.0).ln() / distance);
+    sigma.iter().any(|s| *s > 0.0).then_some(sigma)
 }
 
 /// The texture's red and green are the direction, its blue is the strength.

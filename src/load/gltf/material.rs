@@ -18,6 +18,8 @@ pub struct Look {
     pub bsdf: ObjectId,
     /// Its emitter, if it glows.
     pub emitter: Option<ObjectId>,
+    /// What is inside of it, if that absorbs.
+    pub interior: Option<ObjectId>,
 }
 
 /// Vertex colours that a primitive has.
@@ -138,11 +140,12 @@ impl<'a> Materials<'a> {
         }
         let look = if material.extensions.unlit.is_some() {
             let (bsdf, emitter) = self.unlit(objects, (material, &place, pos), vertex);
-            Look { bsdf, emitter }
+            Look { bsdf, emitter, interior: None }
         } else {
             Look {
                 bsdf: self.surface(objects, (material, &place, pos), vertex),
                 emitter: self.emission(objects, (material, &place, pos), vertex),
+                interior: interior(objects, material, pos),
             }
         };
         let bsdf = self.cut_out(objects, (material, &place, pos), vertex, look.bsdf);
@@ -226,6 +229,12 @@ impl<'a> Materials<'a> {
         }
         bsdf
     }
+}
+
+fn interior(objects: &mut Objects, material: &Material, pos: Pos) -> Option<ObjectId> {
+    let sigma = extra::interior(&material.extensions)?;
+    let params = vec![("sigma_t", Value::Rgb(sigma)), ("albedo", Value::Float(0.0))];
+    Some(objects.add(Category::Medium, "homogeneous", pos, params))
 }
 
 fn metallic_roughness(bsdf: &mut Bsdf, material: &Material) {

@@ -85,7 +85,9 @@ pub fn build(source: &Source, options: &LoadOptions, mut objects: Objects) -> Re
     }
     light::surroundings(&mut objects, options, lit)?;
     camera::add(&mut objects, source, &stage, &visible, options, around)?;
-    let path = objects.add(Category::Integrator, "path", Pos::default(), vec![("max_depth", Value::Int(-1))]);
+    // Light comes through what is cut out.
+    let path =
+        objects.add(Category::Integrator, "volpath", Pos::default(), vec![("max_depth", Value::Int(-1))]);
     objects.show(path);
     Ok(objects.desc)
 }
@@ -372,6 +374,9 @@ impl Builder<'_> {
             params.push(("to_world", placement.value()));
         }
         params.push(("", Value::Object(shape.look.bsdf)));
+        if let Some(interior) = shape.look.interior {
+            params.push(("interior", Value::Object(interior)));
+        }
         if let Some(emitter) = shape.look.emitter {
             params.push(("", Value::Object(emitter)));
         }
