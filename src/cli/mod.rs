@@ -112,7 +112,11 @@ fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)
     if let Some(text) = scene.plan.unsampled() {
         say!("warning: of the lights {text}");
     }
-    Ok((scene, integrator?))
+    let integrator = integrator?;
+    if let Some(text) = integrator.leaves_out(&scene) {
+        say!("warning: {text} by integrator `{}`, as by Mitsuba's: `volpath` knows them", integrator.name());
+    }
+    Ok((scene, integrator))
 }
 
 fn warn(texts: &[String]) {

@@ -255,7 +255,7 @@ fn header(
             text("stopped", stats.stopped.reason().to_owned()),
             text("integrator", integrator.name().to_owned()),
             text("plan", scene.plan.summary()),
-            text("bias", integrator.bias_ledger()),
+            text("bias", integrator.bias_ledger(scene)),
             text("relativeError", format!("{:.3e}", stats.relative_error)),
             text("relativeErrorInterval", format!("{low:.3e} {high:.3e}")),
             text("error", Groups::of_replicas(options.replicas).describe()),

@@ -9,6 +9,7 @@ use super::{CameraSample, Event, Record, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Rgb, Vec2};
+use crate::medium::Medium;
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
 
@@ -29,10 +30,9 @@ impl Direct {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
-        let medium = scene.camera_medium();
         let Some(first) = first_hit(scene, &mut ray, self.hide_emitters, record) else {
             if !self.hide_emitters {
-                out.rgb = scene.environment(ray.dir) * scene.transmittance(medium, f32::INFINITY);
+                out.rgb = scene.environment(ray.dir);
                 out.alpha = if scene.environment.is_some() { 1.0 } else { 0.0 };
             }
             return out;
@@ -42,7 +42,7 @@ impl Direct {
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, medium, &mut room);
+        let hit = scene.interact(&surface, -ray.dir, Medium::NONE, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);
@@ -50,9 +50,6 @@ impl Direct {
         }
         for i in 0..self.bsdf_samples {
             out.rgb += self.bsdf_sample(scene, camera, &hit, i, record);
-        }
-        if scene.has_media() {
-            out.rgb *= scene.transmittance(medium, surface.p.distance(camera.ray.origin));
         }
         out
     }
@@ -85,19 +82,15 @@ impl Direct {
         let Some(sample) = hit.scatter.sample(hit.wo, lobe, u) else { return Rgb::ZERO };
         let ray = hit.surface.spawn(sample.wi);
         record.counters().scatter_rays += 1;
-        let ((mut le, pdf), distance_squared) = match scene.closest(&ray) {
-            None => (scene.environment_and_pdf(ray.dir), f32::INFINITY),
+        let (le, pdf) = match scene.closest(&ray) {
+            None => scene.environment_and_pdf(ray.dir),
             Some(next) => {
                 let surface = scene.surface(&ray, &next);
                 let distance_squared = (surface.p - hit.surface.p).length_squared();
                 let pdf = scene.light_pdf(&hit.receiver(), &surface, ray.dir, distance_squared);
-                ((scene.emitted(&surface, -ray.dir), pdf), distance_squared)
+                (scene.emitted(&surface, -ray.dir), pdf)
             }
         };
-        if scene.has_media() {
-            let medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
-            le *= scene.transmittance(medium, distance_squared.sqrt());
-        }
         if le == Rgb::ZERO {
             return Rgb::ZERO;
         }

@@ -69,14 +69,27 @@ impl Integrator {
 
     /// What is left out of the rendering equation, for the file header.
     #[must_use]
-    pub fn bias_ledger(&self) -> String {
+    pub fn bias_ledger(&self, scene: &Scene) -> String {
         match self {
-            Integrator::Path(Path { max_depth: u32::MAX, .. }) => "none".to_owned(),
-            Integrator::Path(p) => format!("paths longer than depth {} are cut", p.max_depth),
+            Integrator::Path(p) => {
+                let cut = (p.max_depth < u32::MAX)
+                    .then(|| format!("paths longer than depth {} are cut", p.max_depth));
+                let parts: Vec<String> =
+                    cut.into_iter().chain(self.leaves_out(scene).map(str::to_owned)).collect();
+                if parts.is_empty() { "none".to_owned() } else { parts.join("; ") }
+            }
             Integrator::Direct(_) => "direct light only".to_owned(),
             Integrator::Whitted(_) => "ray tracing without indirect light".to_owned(),
             Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => "no light transport".to_owned(),
         }
+    }
+
+    /// What it leaves out of this scene because Mitsuba's of that name does, in
+    /// words.
+    #[must_use]
+    pub fn leaves_out(&self, scene: &Scene) -> Option<&'static str> {
+        let blind = matches!(self, Integrator::Path(Path { see_through: false, .. }) | Integrator::Direct(_));
+        (blind && scene.has_media()).then_some("media are left out")
     }
 
     /// The sizes of what it measures, powers of two: from them comes the unit
@@ -208,32 +221,16 @@ impl CameraSample {
 }
 
 /// What of a light sample's radiance arrives at a hit, per channel in [0, 1].
-/// With `see_through`, surfaces that let light straight on do not end it.
+/// With `see_through`, surfaces that let light straight on do not end it, and
+/// media count.
 #[inline]
 fn arriving(scene: &Scene, hit: &Interaction, light: &LightSample, see_through: bool) -> Rgb {
     let ray = shadow_ray(hit.surface, light);
-    if (see_through && scene.plan.alpha) || scene.has_media() {
-        return arriving_through(scene, hit, (light, &ray), see_through);
+    if see_through && (scene.plan.alpha || scene.has_media()) {
+        let medium = scene.medium_towards(hit.medium, hit.surface, light.wi);
+        return scene.passed(ray, hit.surface.p, medium);
     }
     if scene.occluded(&ray) { Rgb::ZERO } else { Rgb::ONE }
-}
-
-#[cold]
-fn arriving_through(
-    scene: &Scene,
-    hit: &Interaction,
-    (light, ray): (&LightSample, &Ray),
-    see_through: bool,
-) -> Rgb {
-    let medium = scene.medium_towards(hit.medium, hit.surface, light.wi);
-    if see_through && scene.plan.alpha {
-        return scene.passed(*ray, hit.surface.p, medium);
-    }
-    if scene.occluded(ray) {
-        return Rgb::ZERO;
-    }
-    let far = ray.t_max.is_infinite();
-    scene.transmittance(medium, if far { f32::INFINITY } else { ray.dir.length() * ray.t_max })
 }
 
 /// The shadow ray from a surface point to a light sample.

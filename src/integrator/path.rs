@@ -6,8 +6,8 @@
 //! 1 is a light seen directly.
 //!
 //! Where light passes straight through a surface (`null`, `mask`) there are two
-//! ways to go on. `path` does as Mitsuba's: that is a scattering, and shadow rays
-//! end there. To `volpath`, Mitsuba's name as well, nothing is there: shadow rays
+//! ways to go on, with Mitsuba's names. To `path` that is a scattering, shadow rays
+//! end there, and there are no media. To `volpath` nothing is there: shadow rays
 //! go on, and MIS weighs what a scattered ray finds behind by the density of the
 //! last scattering, which both strategies know.
 //!
@@ -37,7 +37,7 @@ pub struct Path {
     /// Lights are invisible to the camera.
     pub hide_emitters: bool,
     /// Surfaces that let light straight through are not there: they neither end
-    /// shadow rays nor make a path longer.
+    /// shadow rays nor make a path longer. Media are.
     pub see_through: bool,
 }
 
@@ -89,7 +89,7 @@ impl Path {
             eta: 1.0,
             bounce: 0,
             depth: 0,
-            medium: scene.camera_medium(),
+            medium: if self.see_through { scene.camera_medium() } else { Medium::NONE },
             from: camera.ray.origin,
             last: Last { receiver: Receiver::free(camera.ray.origin), pdf: 1.0, delta: true },
         };
@@ -238,12 +238,14 @@ impl Path {
         state.beta *= sample.weight;
         state.eta *= sample.eta;
         state.ray = hit.surface.spawn(sample.wi);
+        if self.see_through {
+            state.from = hit.surface.p;
+            state.medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
+        }
         let free = sample.null && self.see_through;
         if !free {
             state.last = Last { receiver: hit.receiver(), pdf: sample.pdf, delta: sample.delta };
         }
-        state.from = hit.surface.p;
-        state.medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
         state.bounce += 1;
         state.depth += u32::from(!free);
         Some(sample.null)

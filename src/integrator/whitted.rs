@@ -107,7 +107,7 @@ impl Whitted {
             return Rgb::ZERO;
         }
         record.counters().shadow_rays += 1;
-        let left = arriving(scene, hit, &sample, false);
+        let left = arriving(scene, hit, &sample, true);
         let occluded = left == Rgb::ZERO;
         let contribution = if occluded { Rgb::ZERO } else { contribution * left };
         record.event(|| Event::Light { wi: sample.wi, pdf: sample.pdf, f, mis: 1.0, contribution, occluded });

@@ -72,7 +72,7 @@ impl Candidate {
     /// integrator computes, if it does.
     #[must_use]
     pub fn biased_by_design(&self) -> Option<String> {
-        let own = self.integrator.bias_ledger();
+        let own = self.integrator.bias_ledger(&self.scene.scene);
         (own != self.scene.own_bias).then_some(own)
     }
 }
@@ -433,10 +433,10 @@ impl Built {
         let own = Integrator::from_desc(&desc, &IntegratorOptions::default())?;
         desc.new_replacements().iter().for_each(|r| watch.warn(r));
         Ok(Built {
+            own_bias: own.bias_ledger(&scene),
             scene,
             hash: desc.content_hash(),
             desc,
-            own_bias: own.bias_ledger(),
             seconds: clock.elapsed().as_secs_f64(),
         })
     }
