@@ -8,6 +8,11 @@ use crate::integrator;
 /// Integrators that without media that scatter are one.
 const PATHS: &[&str] = &["volpath", "volpath_simple", "volpathmis"];
 
+/// Integrators whose picture, once it has converged, is that of `volpath`: what
+/// they are told beside its limits is how to get there.
+const SAME_PICTURE: &[&str] =
+    &["bdpt", "erpt", "guided_path", "guidedpath", "mlt", "photonmapper", "ppm", "pssmlt", "ptracer", "sppm"];
+
 /// A `<integrator>`.
 pub fn integrator(old: &mut Old) -> Result<()> {
     if old.take_bool("strict_normals") == Some(true) {
@@ -27,6 +32,12 @@ pub fn integrator(old: &mut Old) -> Result<()> {
                 }
                 _ => old.rename("ray_length", "distance"),
             }
+        }
+        name if SAME_PICTURE.contains(&name) => {
+            let text = format!("integrator `{name}` makes way for `volpath`, which makes the same picture");
+            plain_path(old);
+            old.become_plugin("volpath");
+            old.warn(&text);
         }
         name if !integrator::NAMES.contains(&name) => {
             let message = format!("integrator `{name}` is not known; `path` makes the picture its own way");
@@ -50,6 +61,22 @@ pub fn plain_path(old: &mut Old) {
     }
     old.keep(&LIMITS);
     old.become_plugin("path");
+}
+
+/// A `<medium>`: scattering and absorption are extinction and a share of it.
+pub fn medium(old: &mut Old) -> Result<()> {
+    if old.plugin() != "homogeneous" || !(old.has("sigma_s") && old.has("sigma_a")) {
+        return Ok(());
+    }
+    let mut take = |name: &str| old.take(name).and_then(|param| colour(&param.value));
+    let (Some(scattered), Some(absorbed)) = (take("sigma_s"), take("sigma_a")) else {
+        return old.replace("`sigma_s` and `sigma_a` must be colours", "left out");
+    };
+    let both: [f64; 3] = std::array::from_fn(|i| scattered[i] + absorbed[i]);
+    let share = |i: usize| if both[i] > 0.0 { scattered[i] / both[i] } else { 0.0 };
+    old.set("albedo", Value::Rgb(std::array::from_fn(share)));
+    old.set("sigma_t", Value::Rgb(both));
+    Ok(())
 }
 
 /// A `<sampler>`: ours have the dimensions they need.

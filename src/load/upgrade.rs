@@ -71,6 +71,7 @@ fn kind(old: &mut Old) -> Result<()> {
             Ok(())
         }
         Category::Film => old_kinds::film(old),
+        Category::Medium => old_kinds::medium(old),
         _ => Ok(()),
     }
 }
