@@ -344,6 +344,7 @@ fn material_parameters() {
         ("specular", 0.5),
         ("transmission", 0.6),
         ("thickness", 2.0),
+        ("dispersion", 0.1),
         ("clearcoat", 0.9),
         ("clearcoat_roughness", 0.05),
         ("sheen_roughness", 0.4),
@@ -365,7 +366,6 @@ fn material_parameters() {
         assert_eq!(rgb(bsdf, name), value, "{name}");
     }
     assert!(matches!(param(bsdf, "two_sided"), Some(Value::Bool(true))));
-    assert!(warns(&scene, &["KHR_materials_dispersion"]));
     // After half a metre red alone is left.
     let medium = only(&scene, Category::Medium, "homogeneous");
     let [red, green, blue] = rgb(medium, "sigma_t");

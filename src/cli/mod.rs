@@ -114,7 +114,7 @@ fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)
     }
     let integrator = integrator?;
     if let Some(text) = integrator.leaves_out(&scene) {
-        say!("warning: {text} by integrator `{}`, as by Mitsuba's: `volpath` knows them", integrator.name());
+        say!("warning: {text} by integrator `{}`: `volpath` knows them", integrator.name());
     }
     Ok((scene, integrator))
 }

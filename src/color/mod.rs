@@ -5,8 +5,10 @@
 
 mod cie_tables;
 mod conductors;
+mod hues;
 mod spectrum;
 
+pub use hues::Hue;
 pub use spectrum::{matching_rgb, reflectance_spectrum_to_rgb, spectrum_to_rgb};
 
 use crate::math::Rgb;

@@ -172,6 +172,9 @@ fn weigh(hit: &Interaction, light: ChosenLight, counts: Counts) -> Option<Connec
     }
     let density = light.pdf * counts.light;
     let mis = if light.sample.delta { 1.0 } else { power_heuristic(density, pdf * counts.bsdf) };
-    let contribution = f * light.sample.radiance * (mis / density);
+    let mut contribution = f * light.sample.radiance * (mis / density);
+    if let Some(colour) = hit.split(light.sample.wi) {
+        contribution *= colour;
+    }
     (contribution != Rgb::ZERO).then_some(Connection { light, f, mis, contribution })
 }

@@ -9,9 +9,8 @@ use super::{CameraSample, Event, Record, first_hit, first_hit_layers};
 use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Rgb, Vec2};
-use crate::medium::Medium;
 use crate::sampling::power_heuristic;
-use crate::scene::{Interaction, Scene};
+use crate::scene::{Carried, Interaction, Scene};
 
 /// The direct-light integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +41,7 @@ impl Direct {
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, Medium::NONE, &mut room);
+        let hit = scene.interact(&surface, -ray.dir, Carried::NOTHING, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);

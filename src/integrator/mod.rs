@@ -18,13 +18,13 @@ pub use path::Path;
 pub use record::{Counters, Event, NoRecord, Record, Vertex};
 pub use whitted::Whitted;
 
+use crate::color::Hue;
 use crate::film::{PixelSample, Scale};
 use crate::light::LightSample;
 use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec2};
-use crate::medium::Medium;
 use crate::sampling::Sampler;
-use crate::scene::{Interaction, Scene};
+use crate::scene::{Carried, Interaction, Scene};
 use crate::shape::{Hit, SurfacePoint};
 
 /// How radiance is estimated.
@@ -84,12 +84,21 @@ impl Integrator {
         }
     }
 
-    /// What it leaves out of this scene because Mitsuba's of that name does, in
-    /// words.
+    /// What it leaves out of this scene though it shows light, in words.
     #[must_use]
     pub fn leaves_out(&self, scene: &Scene) -> Option<&'static str> {
-        let blind = matches!(self, Integrator::Path(Path { see_through: false, .. }) | Integrator::Direct(_));
-        (blind && scene.has_media()).then_some("media are left out")
+        let (media, dispersion) = match self {
+            Integrator::Path(path) => (!path.see_through, false),
+            Integrator::Direct(_) => (true, true),
+            Integrator::Whitted(_) => (false, true),
+            Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => (false, false),
+        };
+        match (media && scene.has_media(), dispersion && scene.plan.dispersion) {
+            (true, true) => Some("media and dispersion are left out"),
+            (true, false) => Some("media are left out"),
+            (false, true) => Some("dispersion is left out"),
+            (false, false) => None,
+        }
     }
 
     /// The sizes of what it measures, powers of two: from them comes the unit
@@ -154,6 +163,8 @@ mod dimension {
     pub const LENS: u32 = 1;
     /// Time of the shutter.
     pub const TIME: u32 = 2;
+    /// Wavelength of the path, if it needs one.
+    pub const WAVELENGTH: u32 = 3;
     /// First of a vertex's dimensions.
     const VERTEX: u32 = 8;
     const PER_VERTEX: u32 = 8;
@@ -202,6 +213,11 @@ impl CameraSample {
         (choice, u)
     }
 
+    /// The wavelength of the path.
+    fn hue(&self) -> Hue {
+        Hue::sample(self.sampler.get_1d(dimension::WAVELENGTH))
+    }
+
     /// Which lobe and which direction, as far as the bsdf asks for them.
     fn scatter(&self, scatter: &Scatter, bounce: u32) -> (f32, Vec2) {
         let lobe =
@@ -227,7 +243,7 @@ impl CameraSample {
 fn arriving(scene: &Scene, hit: &Interaction, light: &LightSample, see_through: bool) -> Rgb {
     let ray = shadow_ray(hit.surface, light);
     if see_through && (scene.plan.alpha || scene.has_media()) {
-        let medium = scene.medium_towards(hit.medium, hit.surface, light.wi);
+        let medium = scene.medium_towards(hit.carried.medium, hit.surface, light.wi);
         return scene.passed(ray, hit.surface.p, medium);
     }
     if scene.occluded(&ray) { Rgb::ZERO } else { Rgb::ONE }
@@ -250,7 +266,7 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
         return;
     }
     let mut room = Scatter::default();
-    let hit = scene.interact(surface, -camera.ray.dir, Medium::NONE, &mut room);
+    let hit = scene.interact(surface, -camera.ray.dir, Carried::NOTHING, &mut room);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);

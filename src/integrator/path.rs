@@ -18,13 +18,14 @@
 
 use super::connect::{Counts, connect};
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers};
+use crate::color::Hue;
 use crate::film::PixelSample;
 use crate::light::Receiver;
 use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::Medium;
 use crate::sampling::power_heuristic;
-use crate::scene::{Interaction, Scene};
+use crate::scene::{Carried, Interaction, Scene};
 use crate::shape::SurfacePoint;
 
 /// The path tracer and its limits.
@@ -59,12 +60,24 @@ struct State {
     depth: u32,
     /// What the ray goes through.
     medium: u32,
+    /// The wavelength that is left, once refraction has split the path.
+    hue: Option<Hue>,
     /// Where it comes from: not quite where it begins.
     from: Vec3,
     last: Last,
 }
 
 impl State {
+    /// What it brings to a surface of that shape.
+    #[inline]
+    fn carried(&self, scene: &Scene, camera: &CameraSample, shape: u32) -> Carried {
+        let mut carried = Carried { medium: self.medium, hue: self.hue, fresh: false };
+        if scene.plan.dispersion && self.hue.is_none() && scene.disperses(shape) {
+            (carried.hue, carried.fresh) = (Some(camera.hue()), true);
+        }
+        carried
+    }
+
     /// Loses what the medium takes on the way to a point, or to infinity.
     #[inline]
     fn absorb(&mut self, scene: &Scene, to: Option<Vec3>) {
@@ -89,6 +102,7 @@ impl Path {
             eta: 1.0,
             bounce: 0,
             depth: 0,
+            hue: None,
             medium: if self.see_through { scene.camera_medium() } else { Medium::NONE },
             from: camera.ray.origin,
             last: Last { receiver: Receiver::free(camera.ray.origin), pdf: 1.0, delta: true },
@@ -123,7 +137,8 @@ impl Path {
                 }
                 return out;
             }
-            let hit = scene.interact(&surface, -state.ray.dir, state.medium, &mut room);
+            let carried = state.carried(scene, camera, surface.shape);
+            let hit = scene.interact(&surface, -state.ray.dir, carried, &mut room);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(scene, (camera, &hit), &mut state, record) {
                 Some(null) => {
@@ -238,9 +253,13 @@ impl Path {
         state.beta *= sample.weight;
         state.eta *= sample.eta;
         state.ray = hit.surface.spawn(sample.wi);
+        if let Some(colour) = hit.split(sample.wi) {
+            state.beta *= colour;
+            state.hue = hit.carried.hue;
+        }
         if self.see_through {
             state.from = hit.surface.p;
-            state.medium = scene.medium_towards(hit.medium, hit.surface, sample.wi);
+            state.medium = scene.medium_towards(hit.carried.medium, hit.surface, sample.wi);
         }
         let free = sample.null && self.see_through;
         if !free {

@@ -12,7 +12,7 @@ use super::{CameraSample, Event, Record, Vertex, arriving, first_hit, first_hit_
 use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec2};
-use crate::scene::{Interaction, Scene};
+use crate::scene::{Carried, Interaction, Scene};
 use crate::shape::SurfacePoint;
 
 /// The Whitted ray tracer and its limits.
@@ -82,7 +82,8 @@ impl Whitted {
             return radiance;
         }
         let mut room = Scatter::default();
-        let hit = scene.interact(surface, -ray.dir, medium, &mut room);
+        let carried = Carried { medium, ..Carried::NOTHING };
+        let hit = scene.interact(surface, -ray.dir, carried, &mut room);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
             for index in 0..scene.lights.len() {
@@ -143,7 +144,7 @@ impl Whitted {
                 record.event(|| Event::Scatter { wi, weight, pdf: 1.0, delta: true });
                 let ray = hit.surface.spawn(wi);
                 record.counters().scatter_rays += 1;
-                let medium = scene.medium_towards(hit.medium, hit.surface, wi);
+                let medium = scene.medium_towards(hit.carried.medium, hit.surface, wi);
                 radiance += weight
                     * match scene.closest(&ray) {
                         Some(next) => {

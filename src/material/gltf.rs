@@ -21,7 +21,7 @@
 //! | `iridescence_thickness` | 400 | its thickness in nanometres |
 //! | `diffuse_transmission` | 0 | share of the base that lets diffuse light through |
 //! | `diffuse_transmission_color` | 1 | its colour |
-//! | `dispersion` | 0 | not there yet: anything else is an error |
+//! | `dispersion` | 0 | 20 over the Abbe number of a solid (a number): how far colours are refracted apart |
 //! | `normal` | none | tangent-space normal map as glTF has it |
 //! | `normal_scale` | 1 | factor on its x and y (a number) |
 //! | `two_sided` | false | an opaque surface looks the same from behind; else it is black there |
@@ -70,6 +70,8 @@ pub struct Gltf {
 struct LayerTextures {
     transmission: Texture,
     solid: Option<Arc<GlassTable>>,
+    /// How the index of the solid depends on the wavelength, if it does.
+    cauchy: Option<Cauchy>,
     clearcoat: Texture,
     clearcoat_roughness: Texture,
     clearcoat_normal: Option<Perturbation>,
@@ -84,6 +86,31 @@ struct LayerTextures {
     diffuse_transmission_color: Texture,
 }
 
+/// n(λ) = a + b / λ² (Cauchy 1836), λ in nanometres.
+#[derive(Clone, Copy, Debug)]
+struct Cauchy {
+    a: f64,
+    b: f64,
+}
+
+impl Cauchy {
+    /// The Fraunhofer lines d, F and C.
+    const LINES: [f64; 3] = [587.56, 486.13, 656.27];
+
+    /// From the index at the line d and the Abbe number (n_d − 1) / (n_F − n_C).
+    fn new(index: f64, abbe: f64) -> Cauchy {
+        let [d, f, c] = Cauchy::LINES.map(|line| 1.0 / (line * line));
+        let b = (index - 1.0) / abbe / (f - c);
+        Cauchy { a: index - b * d, b }
+    }
+
+    /// At least 1: an Abbe number of less than 2 would ask for less.
+    fn index(&self, wavelength: f32) -> f32 {
+        let wavelength = f64::from(wavelength);
+        (self.a + self.b / (wavelength * wavelength)).max(1.0) as f32
+    }
+}
+
 /// The table of an index of refraction; one for all materials that share it.
 pub type Glasses<'a> = &'a mut dyn FnMut(f32) -> Arc<GlassTable>;
 
@@ -93,9 +120,6 @@ impl Gltf {
         let ior = params.float("ior", 1.5)?;
         if !(ior == 0.0 || ior >= 1.0) {
             return Err(params.error_at("ior", format!("`ior` must be 0 or at least 1, found {ior}")));
-        }
-        if params.float("dispersion", 0.0)? != 0.0 {
-            return Err(params.error_at("dispersion", "`dispersion` is not supported yet; leave it out"));
         }
         let surface = Gltf {
             base_color: texture_param(params, "base_color", WHITE, Usage::Reflectance)?,
@@ -149,7 +173,10 @@ impl Gltf {
             None => smooth.n,
         };
         let values = layers.at(uv, lobe.frame.to_local(coat));
-        let surface = Layered::new(&substance, &values, layers.solid.as_deref(), self.two_sided);
+        let mut surface = Layered::new(&substance, &values, layers.solid.as_deref(), self.two_sided);
+        if let Some(cauchy) = layers.cauchy.filter(|_| point.wavelength > 0.0) {
+            surface = surface.refracting(cauchy.index(point.wavelength));
+        }
         out.push_stored(lobe, Stored::Layered(surface));
     }
 
@@ -171,6 +198,11 @@ impl Gltf {
             || self.layers.as_ref().is_some_and(|l| {
                 l.clearcoat_normal.is_some() || l.anisotropy.is_constant() != Some(Rgb::ZERO)
             })
+    }
+
+    /// True when it refracts colours apart.
+    pub fn disperses(&self) -> bool {
+        self.layers.as_ref().is_some_and(|l| l.cauchy.is_some())
     }
 
     /// True when a map perturbs the normal.
@@ -199,8 +231,11 @@ impl LayerTextures {
         let thickness = texture_param(params, "thickness", Rgb::ZERO, Usage::Radiance)?;
         let clear = transmission.is_constant() != Some(Rgb::ZERO);
         let solid = clear && thickness.max() > 0.0;
+        let dispersion = at_least(params, "dispersion", 0.0, 0.0)?;
         let layers = LayerTextures {
             transmission,
+            cauchy: (solid && ior > 0.0 && dispersion > 0.0)
+                .then(|| Cauchy::new(ior, 20.0 / f64::from(dispersion))),
             // An index of 0 reflects everything: nothing is refracted.
             solid: if solid && ior > 0.0 { Some(glasses(ior as f32)) } else { None },
             clearcoat: share(params, "clearcoat", 0.0)?,

@@ -71,6 +71,8 @@ pub struct Point<'a> {
     pub dpdu: Vec3,
     /// ∂p/∂v, world space.
     pub dpdv: Vec3,
+    /// The one wavelength that is asked for, in nanometres; 0 for all.
+    pub wavelength: f32,
 }
 
 impl<'a> Point<'a> {
@@ -204,6 +206,12 @@ impl Material {
             Material::Mask(..) | Material::Blend(..) => true,
             Material::TwoSided(..) | Material::Perturbed(..) => false,
         })
+    }
+
+    /// True when it refracts colours apart.
+    #[must_use]
+    pub fn disperses(&self) -> bool {
+        self.any(|m| matches!(m, Material::Surface(Surface::Gltf(surface)) if surface.disperses()))
     }
 
     /// True when every lobe is a delta: nothing to connect to a light.

@@ -273,6 +273,7 @@ impl Builder<'_> {
             two_sided: m.needs_both_sides(),
             attributes: m.needs_attributes(),
             null: m.has_null(),
+            disperses: m.disperses(),
         };
         let traits = self.materials.iter().map(traits).collect();
         let environment = lights.iter().position(Light::is_environment).map(|i| i as u32);
@@ -339,6 +340,7 @@ impl Builder<'_> {
         plan.light_kinds.dedup();
         plan.environment = environment;
         plan.delta_lights_only = lights.iter().all(Light::is_delta);
+        plan.dispersion = self.materials.iter().any(|m| m.disperses());
         plan.alpha = self.materials.iter().any(|m| m.has_null());
         plan.tangents = self.materials.iter().any(|m| m.needs_tangents());
         plan.lobe_choice = self.materials.iter().any(|m| m.chooses());

@@ -1,6 +1,6 @@
 //! Which medium is on which side of what, and what passes through them.
 
-use super::Scene;
+use super::{Carried, Scene};
 use crate::material::Scatter;
 use crate::math::{Ray, Rgb, Vec3};
 use crate::medium::Medium;
@@ -81,7 +81,10 @@ impl Scene {
                 return Rgb::ZERO;
             }
             let towards = ray.dir;
-            left *= self.interact(&surface, -towards.normalize(), medium, &mut room).scatter.null_share();
+            left *= self
+                .interact(&surface, -towards.normalize(), Carried::NOTHING, &mut room)
+                .scatter
+                .null_share();
             if left == Rgb::ZERO {
                 return left;
             }

@@ -22,10 +22,12 @@ use glam::DVec2;
 
 use crate::accel::Accel;
 use crate::camera::{Camera, CameraMotion};
+use crate::color::Hue;
 use crate::film::FilmSpec;
 use crate::light::{AreaEmission, Light, LightSample, Receiver, Target};
 use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
+use crate::medium::Medium;
 use crate::shape::{Geometry, Hit, SurfacePoint};
 
 /// Choices of the command line that go over the scene file.
@@ -92,6 +94,28 @@ struct Traits {
     attributes: bool,
     /// Some light passes straight through.
     null: bool,
+    /// It refracts colours apart.
+    disperses: bool,
+}
+
+/// What a path brings to a surface beside its ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Carried {
+    /// The medium that it came through, [`Medium::NONE`] for none.
+    pub medium: u32,
+    /// The one wavelength that is left of it, if it has been refracted apart.
+    pub hue: Option<Hue>,
+    /// It has just been drawn: its colour has not been taken into account.
+    pub fresh: bool,
+}
+
+impl Carried {
+    /// White light through empty space.
+    pub const NOTHING: Carried = Carried { medium: Medium::NONE, hue: None, fresh: false };
+
+    fn wavelength(&self) -> f32 {
+        self.hue.map_or(0.0, |hue| hue.wavelength)
+    }
 }
 
 /// A hit with everything that shading needs.
@@ -101,8 +125,8 @@ pub struct Interaction<'a, 's> {
     pub surface: &'a SurfacePoint,
     /// Unit direction towards where the path came from.
     pub wo: Vec3,
-    /// The medium that the path came through, [`crate::medium::Medium::NONE`] for none.
-    pub medium: u32,
+    /// What the path brought along.
+    pub carried: Carried,
     /// The material's lobes.
     pub scatter: &'a Scatter<'s>,
     /// Light from below the shading normal may count.
@@ -110,6 +134,17 @@ pub struct Interaction<'a, 's> {
 }
 
 impl Interaction<'_, '_> {
+    /// The colour that light towards or from `wi` takes on here, where white
+    /// is refracted apart. What a solid reflects from outside stays white.
+    #[must_use]
+    #[inline]
+    pub fn split(&self, wi: Vec3) -> Option<Rgb> {
+        let Carried { fresh: true, hue: Some(hue), .. } = self.carried else { return None };
+        let SurfacePoint { ng, .. } = *self.surface;
+        let reflected = ng.dot(self.wo) > 0.0 && ng.dot(wi) > 0.0;
+        (!reflected).then_some(hue.colour)
+    }
+
     /// The point as lights see it.
     #[must_use]
     pub fn receiver(&self) -> Receiver {
@@ -148,13 +183,13 @@ impl Scene {
     }
 
     /// A surface point with its material's lobes, which are put into `room`;
-    /// seen through `medium`.
+    /// seen by a path that brings `carried` along.
     #[inline]
     pub fn interact<'a, 's>(
         &'s self,
         surface: &'a SurfacePoint,
         wo: Vec3,
-        medium: u32,
+        carried: Carried,
         room: &'a mut Scatter<'s>,
     ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
@@ -172,9 +207,16 @@ impl Scene {
             None
         };
         let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
-        let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv };
+        let wavelength = carried.wavelength();
+        let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv, wavelength };
         self.materials[index].at(&point, room);
-        Interaction { surface, wo, medium, scatter: room, two_sided }
+        Interaction { surface, wo, carried, scatter: room, two_sided }
+    }
+
+    /// True when the material of a shape refracts colours apart.
+    #[must_use]
+    pub fn disperses(&self, shape: u32) -> bool {
+        self.traits[self.material_of_shape[shape as usize] as usize].disperses
     }
 
     /// The light that a shape is, if it is one.

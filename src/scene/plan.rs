@@ -28,6 +28,8 @@ pub struct Plan {
     pub placed_lights: usize,
     /// Lights that deform or are too many, which scattered rays alone find.
     pub unsampled_lights: usize,
+    /// Some material refracts colours apart.
+    pub dispersion: bool,
     /// Media, each of which absorbs.
     pub media: usize,
     /// Triangles dropped because they have no area.
@@ -166,6 +168,7 @@ impl Plan {
         );
         leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
         leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
+        leave(!self.dispersion, "dispersion: none; no path has a wavelength".into());
         leave(self.media == 0, "media: none; no transmittance is tracked".into());
         out
     }

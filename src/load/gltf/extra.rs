@@ -26,9 +26,8 @@ pub fn extensions(bsdf: &mut Bsdf, ext: &MaterialExtensions) {
     if let Some(e) = &ext.volume {
         volume(bsdf, e);
     }
-    if ext.dispersion.as_ref().is_some_and(|e| e.dispersion > 0.0) {
-        let place = bsdf.place.clone();
-        bsdf.objects.warn(&place, "KHR_materials_dispersion: light of all colours is refracted alike");
+    if let Some(e) = ext.dispersion.as_ref().filter(|e| e.dispersion > 0.0) {
+        bsdf.params.push(("dispersion", Value::Float(e.dispersion)));
     }
     if let Some(e) = ext.clearcoat.as_ref().filter(|e| e.clearcoat_factor > 0.0) {
         let factor = bsdf.unit("clearcoatFactor", e.clearcoat_factor);
