@@ -33,7 +33,7 @@ pub(super) struct Builder<'a> {
     pub material_of_shape: Vec<u32>,
     material_index: HashMap<*const Material, u32>,
     pub pending: Vec<Pending>,
-    /// Light of shapes in groups.
+    /// Light of shapes in groups, and of curves.
     pub glows: Vec<Glow>,
     pub groups: HashMap<ObjectId, Arc<GroupContents>>,
     /// Shapes go into a group: its part of the geometry.
@@ -218,7 +218,7 @@ impl Builder<'_> {
             }
             lights.push(light);
         }
-        // Positions of glowing shapes of groups go on from those of the lights.
+        // Positions of glowing shapes of groups, and of curves, go on from those of the lights.
         let glows = std::mem::take(&mut self.glows);
         let lamps = Lamps::new(&geometry, &glows, &mut lights);
         for (index, glow) in glows.iter().enumerate() {
@@ -226,6 +226,7 @@ impl Builder<'_> {
         }
         self.plan.placed_lights = lamps.placed;
         self.plan.unsampled_lights = lamps.left;
+        self.plan.glowing_curves = lamps.curves;
         self.plan.texture_bytes += lamps.bytes;
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
@@ -282,6 +283,7 @@ impl Builder<'_> {
         plan.triangles = geometry.triangle_count() as usize;
         plan.analytic = geometry.analytic_count() as usize;
         plan.deforming = geometry.moving_count() as usize;
+        plan.curves = geometry.curve_count() as usize;
         plan.groups = geometry.parts() as usize - 1;
         plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
         plan.motion = geometry.moves() || plan.camera_motion;
