@@ -102,7 +102,10 @@ mod tests {
         assert_eq!(error("", 2), (None, none.into()));
         assert_eq!(error("\n\n", 4), (None, none.into()));
         assert_eq!(error("0 0 0\n", 2), (Some(1), "expected 4 numbers `x y z radius`, found 3".into()));
-        assert_eq!(error("\n0 0 0 1 2 3\n", 2), (Some(2), "expected 4 numbers `x y z radius`, found 6".into()));
+        assert_eq!(
+            error("\n0 0 0 1 2 3\n", 2),
+            (Some(2), "expected 4 numbers `x y z radius`, found 6".into())
+        );
         assert_eq!(error("# hair\n", 2), (Some(1), "expected a number, found `#`".into()));
         assert_eq!(error("0,0,0,1\n", 2), (Some(1), "expected a number, found `0,0,0,1`".into()));
         assert_eq!(error("0 nan 0 1\n", 2), (Some(1), "expected a finite number, found `nan`".into()));

@@ -180,7 +180,7 @@ impl Plan {
         let others = self.unsampled_lights - curves;
         let mut parts = Vec::new();
         if curves > 0 {
-            parts.push(format!("{curves} more are curves"));
+            parts.push(format!("{curves} more made of curves"));
         }
         if others > 0 {
             parts.push(format!("{others} more deform or are too many instances to sample"));

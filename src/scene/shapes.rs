@@ -334,12 +334,7 @@ impl Builder<'_> {
     }
 
     /// Adds a shape of curves.
-    fn curves(
-        &mut self,
-        kind: CurveKind,
-        params: &Params,
-        to_space: &Transform,
-    ) -> Result<Option<ShapeId>> {
+    fn curves(&mut self, kind: CurveKind, params: &Params, to_space: &Transform) -> Result<Option<ShapeId>> {
         let curves = params
             .curves()
             .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", kind.name())))?;

@@ -102,12 +102,7 @@ impl RoundCone {
 
     /// Where a ray goes in, within a stretch of the segment; `caps` says which
     /// spheres count.
-    pub fn intersect(
-        &self,
-        (origin, dir): (DVec3, DVec3),
-        range: [f64; 2],
-        caps: [bool; 2],
-    ) -> Option<Met> {
+    pub fn intersect(&self, (origin, dir): (DVec3, DVec3), range: [f64; 2], caps: [bool; 2]) -> Option<Met> {
         let speed = dir.length();
         let d = dir / speed;
         let mut best: Option<Met> = None;
@@ -194,6 +189,7 @@ impl RoundCone {
             n,
             axis,
             out: n,
+            turn: DVec3::ZERO,
             around: axis.cross(n) * radius,
             along: (self.end - self.base) + n * (self.radii[1] - self.radii[0]),
         }

@@ -91,9 +91,13 @@ struct Spot {
     axis: DVec3,
     /// Unit direction from the axis to `p`.
     out: DVec3,
-    /// Around the axis, ∂p/∂φ; and along the segment.
+    /// Around the axis, ∂p/∂φ; and along the segment, in a frame that does not
+    /// spin.
     around: DVec3,
     along: DVec3,
+    /// How the direction of the axis changes along the segment, with something
+    /// along the axis.
+    turn: DVec3,
 }
 
 /// Parts of a segment at most, as a power of two; fewer where there are many
@@ -153,8 +157,8 @@ impl CurvePiece {
                 let within = |first: u32| {
                     RoundCone::new([first, first + 1].map(|i| points[i as usize].as_dvec4())).hides(p)
                 };
-                let hidden = (!self.ends[0] && within(self.point - 1))
-                    || (!self.ends[1] && within(self.point + 1));
+                let hidden =
+                    (!self.ends[0] && within(self.point - 1)) || (!self.ends[1] && within(self.point + 1));
                 (!hidden).then_some(met)
             }
             CurveKind::BSpline => self.tube(points).intersect((origin, dir), self.range()),
@@ -236,6 +240,9 @@ impl Spot {
         let z = DVec3::Z - self.axis * self.axis.z;
         let up = z.try_normalize().unwrap_or(DVec3::Y);
         let side = up.cross(self.axis);
+        // By how much that turns about the axis.
+        let spin = self.turn.dot(side) * self.axis.z / z.length();
+        let spin = if spin.is_finite() { spin } else { 0.0 };
         let mut phi = up.dot(self.out).atan2(side.dot(self.out)) / std::f64::consts::TAU;
         if phi < 0.0 {
             phi += 1.0;
@@ -248,7 +255,7 @@ impl Spot {
             ns: self.n,
             uv: Vec2::new(phi as f32, along as f32),
             dpdu: self.around * std::f64::consts::TAU,
-            dpdv: self.along * f64::from(segments),
+            dpdv: (self.along + self.around * spin) * f64::from(segments),
         }
     }
 }
@@ -283,7 +290,8 @@ impl GeometryBuilder {
             let p = to_world.point_f32([*x, *y, *z].into());
             if !p.is_finite() || !radius.is_finite() || !(*radius >= 0.0) {
                 g.curve_points.truncate(first);
-                let message = format!("control point {} of curves is not finite, or its radius negative", i + 1);
+                let message =
+                    format!("control point {} of curves is not finite, or its radius negative", i + 1);
                 return Err(Error::new(message));
             }
             g.curve_points.push(p.extend(*radius));

@@ -88,10 +88,7 @@ impl Tube {
         let part = self.part(range);
         let [a, b, c, d] = part.0.map(DVec4::truncate);
         let r = DVec3::splat(part.max_radius());
-        Bounds {
-            min: (a.min(b).min(c).min(d) - r).as_vec3(),
-            max: (a.max(b).max(c).max(d) + r).as_vec3(),
-        }
+        Bounds { min: (a.min(b).min(c).min(d) - r).as_vec3(), max: (a.max(b).max(c).max(d) + r).as_vec3() }
     }
 
     /// Where a ray goes in, within a stretch.
@@ -174,7 +171,8 @@ impl Tube {
     /// the piece.
     fn enter(&self, near: f64) -> Option<(f64, f64)> {
         let b = &self.0;
-        let r = self.max_radius();
+        // For certain outside.
+        let r = 2.0 * self.max_radius();
         let mut lo = b.iter().map(|b| b.z).fold(f64::INFINITY, f64::min) - r;
         let mut hi = b.iter().map(|b| b.z).fold(f64::NEG_INFINITY, f64::max) + r;
         lo = lo.max(near);
@@ -321,7 +319,9 @@ impl Tube {
         let stretch = 1.0 - c.w * out.dot(bend) / along.length_squared();
         // Across both tangents, out × along the axis and `along` of the surface.
         let n = out * (along.length() * stretch) - axis * c1.w;
+        let turn = bend / along.length();
         Spot {
+            turn: if turn.is_finite() { turn } else { DVec3::ZERO },
             p: centre + out * c.w,
             n: if stretch > 0.0 { n.try_normalize().unwrap_or(out) } else { out },
             axis,
