@@ -139,7 +139,7 @@ fn tangents_are_derivatives() {
             let Some(hit) = accel.closest(&geometry, &ray) else { continue };
             let s = geometry.surface(&ray, &hit);
             let [u, v] = s.uv.to_array().map(f64::from);
-            if ((v * 3.0).round() - v * 3.0).abs() < 1e-3 || v > 0.999 || v < 0.001 {
+            if ((v * 3.0).round() - v * 3.0).abs() < 1e-3 {
                 continue;
             }
             let h = 1e-5;
