@@ -41,7 +41,7 @@ pub(super) struct RoundCone {
 const SEAM: f64 = 1e-9;
 /// How deep in a neighbour a point is hidden by it, relative to the radius. More
 /// than rounding, or rays could pass between two segments.
-const DEEP: f64 = 1e-5;
+const DEEP: f64 = 1e-7;
 
 impl RoundCone {
     /// From two centres and their radii.

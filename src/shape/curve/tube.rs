@@ -6,20 +6,19 @@
 //! the cubic that turns little, u is a smooth function of τ, and f(τ), with
 //! f′ = 2·(R − c)·d − 2·r·r′·u′, is close to a parabola: exactly one for a
 //! straight cone. The ray goes in at its first zero, which is found by Newton's
-//! method within a bracket, from the one side on which it cannot step over; a
-//! parabola that stays above zero is told by two tangents that meet above it. So
-//! neither rays along the silhouette, nor rays across the axis (for which solving
-//! for u first is ill-conditioned: both hits have the same), nor rays along it are
+//! method within a bracket; an f that stays above zero is told by two tangents that
+//! meet above it. So neither rays along the silhouette nor rays across the axis
+//! (for which solving for u first is ill-conditioned: both hits have the same) are
 //! special. (The iteration of Reshetov and Luebke 2018, "Phantom Ray-Hair
 //! Intersector", PACMCGIT 1(2), is quicker and finds the nearest cone's hit; it
 //! promises nothing at silhouettes and bends.)
 //!
 //! The cubic is halved, as in pbrt-v4 (section 6.7), as long as a piece whose
 //! hull comes within its radius of the ray turns by more than a fifth of a
-//! radian or half the angle between it and the ray: a ray that is more slanted
-//! than the piece is bent meets it once. Pieces that are nearly parallel to the
-//! ray are halved until their sagitta is a tenth of their radius, and none below
-//! an eighth of its radius.
+//! radian, or f may have both a convex and a concave stretch: it is convex where
+//! the ray is more slanted against the curve than that bends and widens. For rays
+//! nearly along the curve halving ends with slices of a quarter of the radius, in
+//! which what is left of the other stretch could hide a grazing hit alone.
 //!
 //! Bounds: where a circle is wider than the curve's own radius of curvature the
 //! surface runs through itself within the tube. Rays do not go in there, and
@@ -35,8 +34,9 @@ pub(super) struct Tube([DVec4; 4]);
 
 /// Largest turn of a piece, as the square of the sine.
 const TURN: f64 = 0.04;
-/// Halvings at most: a hair of a thousandth of the length of its segment takes
-/// six.
+/// Length of a slice, in radii.
+const SLICE: f64 = 0.25;
+/// Halvings at most.
 const DEPTH: u32 = 14;
 /// By how much of a piece its neighbours overlap it, so that nothing is between.
 const SEAM: f64 = 1e-9;
@@ -133,7 +133,11 @@ impl Tube {
             || beside(&|b| b.x * dy - b.y * dx, r * dx.hypot(dy))
     }
 
-    /// The ray meets the piece at most once, so that it need not be halved.
+    /// f is convex or concave all along the piece, so that it need not be halved.
+    ///
+    /// f″/2 = 1 − z·u′ − (r′² + r·r″)·u′² − r·r′·u″ with z = c′·d: the square of
+    /// the sine between ray and curve, less that of the radius' slope, up to what
+    /// bends, for which twice |c″|·r and |r″|·r over |c′|² are room enough.
     fn is_simple(&self) -> bool {
         let [a, b, c, d] = self.0;
         let edges = [b - a, c - b, d - c];
@@ -142,29 +146,38 @@ impl Tube {
         let r_max = self.max_radius();
         let r_min = self.0.iter().map(|b| b.w).fold(f64::INFINITY, f64::min);
         let length: f64 = edges.iter().map(|e| e.truncate().length()).sum();
-        if length <= 0.125 * r_min {
+        if length <= SLICE * r_min {
             return true;
         }
         // The largest angle of the hodograph with the chord, and its least length.
-        let (mut turn2, mut slowest) = (0.0f64, f64::INFINITY);
+        let (mut turn2, mut slowest, mut fastest) = (0.0f64, f64::INFINITY, 0.0f64);
         for e in edges.map(DVec4::truncate) {
             let along = e.dot(chord);
             if !(along > 0.0) {
                 return false;
             }
-            turn2 = turn2.max(e.cross(chord).length_squared() / (e.length_squared() * chord2));
+            let length2 = e.length_squared();
+            turn2 = turn2.max(e.cross(chord).length_squared() / (length2 * chord2));
             slowest = slowest.min(along);
+            fastest = fastest.max(length2);
         }
-        // |c″|·r and |r″|·r against |c′|², all twice over.
-        let slowest2 = slowest * slowest / chord2 * 9.0;
-        let bend = [(edges[1] - edges[0]) * 6.0, (edges[2] - edges[1]) * 6.0];
-        let regular = bend.iter().all(|b| 2.0 * b.truncate().length().max(b.w.abs()) * r_max <= slowest2);
-        if !regular || turn2 > TURN {
+        let slowest2 = slowest * slowest / chord2;
+        let bend = [edges[1] - edges[0], edges[2] - edges[1]];
+        let largest = |f: &dyn Fn(&DVec4) -> f64| bend.iter().map(f).fold(0.0, f64::max);
+        let bend = largest(&|b| b.truncate().length()) + largest(&|b| b.w.abs());
+        // c′ is three times an edge and c″ six times a difference of two.
+        let rest = 2.0 * r_max * bend * 6.0 / (9.0 * slowest2);
+        if turn2 > TURN || rest > 1.0 {
             return false;
         }
-        let slant2 = (chord.x * chord.x + chord.y * chord.y) / chord2;
-        // Sagitta: an eighth of the length times the whole turn.
-        turn2 <= 0.25 * slant2 || length * turn2.sqrt() <= 0.4 * r_min
+        let slant = ((chord.x * chord.x + chord.y * chord.y) / chord2).sqrt();
+        let turn = turn2.sqrt();
+        let (least, most) = ((slant - turn).max(0.0), slant + turn);
+        let rises = edges.map(|e| e.w);
+        let steepest = rises.iter().fold(0.0f64, |a, r| a.max(r * r)) / slowest2;
+        let one_way = rises.iter().all(|r| *r > 0.0) || rises.iter().all(|r| *r < 0.0);
+        let gentlest = rises.iter().fold(f64::INFINITY, |a, r| a.min(r * r)) / fastest;
+        least * least >= steepest + rest || (one_way && most * most + rest <= gentlest)
     }
 
     /// Where the z axis goes in, from `near` on: its coordinate, and where along
