@@ -124,8 +124,7 @@ impl CurvePiece {
         [f64::from(self.part) * step, f64::from(self.part + 1) * step]
     }
 
-    /// Control points of the segment, and what comes before and after them; the
-    /// nearest where there is nothing.
+    /// A control point of the segment.
     fn point(&self, points: &[Vec4], index: u32) -> Vec4 {
         points[(self.point + index) as usize]
     }
