@@ -42,10 +42,12 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def load(entry):
-    """The scene as committed, with robust intersections switched on."""
+    """The scene as committed, with robust intersections switched on, unless the
+    entry says `"robust": false`."""
     path = SCENES / entry["scene"]
     text = path.read_text(encoding="utf-8")
-    flag = '<boolean name="embree_use_robust_intersections" value="true" />'
+    robust = "true" if entry.get("robust", True) else "false"
+    flag = f'<boolean name="embree_use_robust_intersections" value="{robust}" />'
     text, found = re.subn(r"(<scene\b[^>]*>)", lambda m: m.group(1) + flag, text, count=1)
     assert found == 1, path
     sampler = entry.get("sampler", "independent")
@@ -204,7 +206,7 @@ def make(entry, defaults, options):
         "variant": options.variant,
         "scene": f"scenes/{entry['scene']}",
         "scene_sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-        "scene_flags": {"embree_use_robust_intersections": True},
+        "scene_flags": {"embree_use_robust_intersections": entry.get("robust", True)},
         "defines": entry.get("defines", {}),
         "sampler": entry.get("sampler", "independent"),
         "samples_per_pass": spp,

@@ -8,9 +8,9 @@ mod common_shape;
 
 use common_shape::{Random, displaced, mesh_of, single_mesh, soup};
 use etendue::accel::{Accel, Bvh2, Bvh8, Quality};
-use etendue::desc::Mesh;
+use etendue::desc::{Curves, Mesh};
 use etendue::math::{DMat4, DQuat, DVec3, Ray, Transform, Vec3};
-use etendue::shape::{Geometry, GeometryBuilder, Hit, MeshOptions};
+use etendue::shape::{CurveKind, Geometry, GeometryBuilder, Hit, MeshOptions};
 
 fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32)> {
     hit.map(|h| (h.t.to_bits(), h.prim, h.u.to_bits(), h.v.to_bits()))
@@ -173,6 +173,13 @@ fn mixed(scale: f64, at: DVec3) -> Geometry {
         builder.add_rectangle(&place(DVec3::new(0.1, 0.4, 1.0), angle, -p), true).unwrap();
         builder.add_cylinder([p, -p * 0.5], 0.1, &place(DVec3::ONE, angle, p), false).unwrap();
         builder.add_cube(&place(DVec3::splat(0.1), angle, p), MeshOptions::default()).unwrap();
+    }
+    // Radii of curves are not scaled by what places them.
+    let points: Vec<[f32; 4]> =
+        (0..24).map(|_| random.vector().extend(0.12 * random.unit() * scale as f32).to_array()).collect();
+    let curves = Curves { points, ends: vec![5, 13, 24] };
+    for kind in [CurveKind::Linear, CurveKind::BSpline] {
+        builder.add_curves(kind, &curves, &place(DVec3::ONE, 0.4, DVec3::ZERO)).unwrap();
     }
     builder.finish()
 }

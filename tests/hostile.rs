@@ -451,6 +451,33 @@ fn hostile_obj_files() {
     assert_eq!((mesh.positions.len(), mesh.triangles[99_999]), (100_000, [99_999, 99_999, 0]));
 }
 
+#[test]
+fn hostile_curves() {
+    let folder = Folder::new();
+    let curves = |kind: &str, text: &str| {
+        folder.put("a.txt", text);
+        let body = format!(
+            "<sensor type=\"perspective\"/><shape type=\"{kind}\"><string name=\"filename\" value=\"a.txt\"/></shape>"
+        );
+        soon(kind, || {
+            let desc = load_str(&scene(&body), folder.0.path(), &LoadOptions::default())?;
+            Scene::build(&desc, &BuildOptions::default()).map(|scene| scene.geometry.curve_count())
+        })
+        .map_err(|e| e.message)
+    };
+    // Many points on one spot, in one curve and in as many as there can be.
+    let spot = "0 0 0 1\n";
+    assert_eq!(curves("bsplinecurve", &spot.repeat(20_000)), Ok(19_997));
+    assert_eq!(curves("linearcurve", &format!("{spot}{spot}\n").repeat(10_000)), Ok(10_000));
+    // A line without end, and empty lines without end.
+    let long = curves("linearcurve", &"0 ".repeat(1 << 20)).unwrap_err();
+    assert!(long.ends_with("line 1: expected 4 numbers `x y z radius`, found 1048576"), "{long}");
+    let empty = curves("linearcurve", &"\n".repeat(1 << 20)).unwrap_err();
+    assert!(empty.ends_with("no control points; expected lines `x y z radius`"), "{empty}");
+    let word = curves("linearcurve", &"9".repeat(1 << 20)).unwrap_err();
+    assert!(word.len() < 200, "{word}");
+}
+
 // ---------------------------------------------------------------- images
 
 /// A header that promises `size` by `size` pixels, and nothing after it.

@@ -361,7 +361,7 @@ fn a_deforming_lamp_needs_scattered_rays() {
         &etendue::render::Quiet,
     );
     let message = error.err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(message.contains("`whitted` cannot find lights that deform"), "{message}");
+    assert!(message.contains("`whitted` cannot find lights that are curves, deform"), "{message}");
 }
 
 /// Lamps in groups that are instanced, nested and on the move over a floor.

@@ -165,6 +165,33 @@ def serialized():
     (DATA / "two.serialized").write_bytes(first + second + dictionary)
 
 
+def curves():
+    """Control points and radii: two locks, and a few thick ones with bends."""
+    rng = np.random.default_rng(11)
+
+    def write(name, strands):
+        blocks = ["".join(" ".join(f"{x:.6g}" for x in p) + "\n" for p in strand) for strand in strands]
+        (DATA / name).write_text("\n".join(blocks), encoding="ascii")
+
+    def lock(count, points, width, radius):
+        # Strands that rise from a spot on the floor, bend over and thin out.
+        s = np.linspace(0, 1, points)
+        for _ in range(count):
+            x, z = width * rng.uniform(-1, 1, 2)
+            bend, twist, height = rng.uniform(0.3, 0.9), rng.uniform(-0.4, 0.4), rng.uniform(0.9, 1.3)
+            wave = 0.05 * np.sin(7 * s + rng.uniform(0, 6))
+            rise = height * s * (1.3 - 0.6 * s)
+            yield np.stack([x + bend * s**2 + wave, rise, z + twist * s**2 - wave, radius * (1.1 - s)], -1)
+
+    write("strands.txt", lock(14, 6, 0.25, 0.045))
+    write("lock.txt", lock(18, 9, 0.25, 0.035))
+    a = np.linspace(0, 2 * np.pi, 9)
+    ring = np.stack([0.6 * np.cos(a), 0.25 * a / np.pi, 0.6 * np.sin(a), 0.1 + 0.06 * np.sin(2 * a)], -1)
+    zigzag = [(-0.6, 0.1, 0, 0.1), (-0.3, 0.6, 0.1, 0.16), (0.1, 0.2, 0, 0.07), (0.5, 0.7, -0.1, 0.2)]
+    write("loops.txt", [ring, np.array(zigzag) + (0, 0.6, 0, 0)])
+    write("zigzag.txt", [zigzag, [(0.1, 0.9, 0.3, 0.05), (0.6, 1.1, 0.4, 0.15)]])
+
+
 if __name__ == "__main__":
     DATA.mkdir(exist_ok=True)
     images()
@@ -172,3 +199,4 @@ if __name__ == "__main__":
     obj()
     pane()
     serialized()
+    curves()

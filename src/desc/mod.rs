@@ -2,16 +2,18 @@
 //! reader and the error type of all input.
 //!
 //! Every reader (Mitsuba XML, glTF, …) produces a [`SceneDesc`]: a tree of
-//! [`Object`]s with named parameters, and the meshes and images they name,
+//! [`Object`]s with named parameters, and the meshes, curves and images they name,
 //! already decoded. [`Params`] reads an object's parameters, and reports the
 //! ones nobody asked for.
 
+mod curves;
 mod error;
 mod kinds;
 mod lenient;
 mod optics;
 mod params;
 
+pub use curves::Curves;
 pub use error::{Error, Pos, Result, nearest};
 pub use lenient::Leniency;
 pub use params::Params;
@@ -36,6 +38,8 @@ pub struct SceneDesc {
     pub meshes: Vec<Arc<Mesh>>,
     /// Decoded images.
     pub images: Vec<Arc<Image>>,
+    /// Decoded curves.
+    pub curves: Vec<Arc<Curves>>,
     /// Things worth telling the user that do not change the picture's meaning.
     pub warnings: Vec<String>,
     /// Names of the mesh attributes that textures read; see [`SceneDesc::attribute_names`].
@@ -138,6 +142,8 @@ pub enum Value {
     Mesh(u32),
     /// A decoded image: index into [`SceneDesc::images`].
     Image(u32),
+    /// Decoded curves: index into [`SceneDesc::curves`].
+    Curves(u32),
 }
 
 impl Value {
@@ -157,6 +163,7 @@ impl Value {
             Value::Object(_) => "object",
             Value::Mesh(_) => "mesh",
             Value::Image(_) => "image",
+            Value::Curves(_) => "curves",
         }
     }
 }
@@ -314,6 +321,7 @@ impl SceneDesc {
                 Pixels::F32(p) => p.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes())),
             }
         }
+        self.curves.iter().for_each(|curves| curves.hash(&mut hash));
         hash.value()
     }
 }

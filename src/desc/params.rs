@@ -232,6 +232,14 @@ impl<'a> Params<'a> {
         }
     }
 
+    /// The curves that the reader attached under the name `curves`.
+    pub fn curves(&self) -> Option<&'a std::sync::Arc<super::Curves>> {
+        match self.get("curves")?.value {
+            Value::Curves(i) => self.scene.curves.get(i as usize),
+            _ => None,
+        }
+    }
+
     /// Fails on the first parameter that was not read; in a lenient scene all
     /// of them are ignored.
     pub fn finish(self) -> Result<()> {

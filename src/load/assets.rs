@@ -8,8 +8,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::parse::Parsed;
-use super::{LoadOptions, files, image_file, lenient, obj, ply, serialized};
-use crate::desc::{Category, Image, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value};
+use super::{LoadOptions, curves, files, image_file, lenient, obj, ply, serialized};
+use crate::desc::{Category, Curves, Image, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value};
 
 /// A mesh file's format and the parameters that change how it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -37,11 +37,16 @@ impl MeshRequest {
 enum Request {
     Mesh(MeshRequest),
     Image,
+    /// With that many points or more each.
+    Curves {
+        least: usize,
+    },
 }
 
 enum Decoded {
     Mesh(Mesh),
     Image(Image),
+    Curves(Curves),
 }
 
 /// One file to decode, and who asked first.
@@ -92,11 +97,16 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
             }
         };
         let params = &mut parsed.scene.objects[id as usize].params;
-        let name = if let Value::Mesh(_) = value {
-            params.retain(|p| !["filename", "flip_tex_coords", "shape_index"].contains(&p.name.as_str()));
-            "mesh"
-        } else {
-            "image"
+        let name = match value {
+            Value::Mesh(_) => {
+                params.retain(|p| !["filename", "flip_tex_coords", "shape_index"].contains(&p.name.as_str()));
+                "mesh"
+            }
+            Value::Curves(_) => {
+                params.retain(|p| p.name != "filename");
+                "curves"
+            }
+            _ => "image",
         };
         params.push(Param { name: name.into(), value, pos });
     }
@@ -114,6 +124,10 @@ fn keep(scene: &mut SceneDesc, decoded: Decoded) -> Value {
             scene.images.push(Arc::new(image));
             Value::Image(scene.images.len() as u32 - 1)
         }
+        Decoded::Curves(curves) => {
+            scene.curves.push(Arc::new(curves));
+            Value::Curves(scene.curves.len() as u32 - 1)
+        }
     }
 }
 
@@ -128,6 +142,7 @@ fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {
             let image = image_file::read(&job.path, &name, options.max_image_bytes)?;
             Ok((Decoded::Image(image), Vec::new()))
         }
+        Request::Curves { least } => Ok((Decoded::Curves(curves::read(&job.path, least)?), Vec::new())),
     }
 }
 
@@ -149,6 +164,8 @@ fn job_of(parsed: &Parsed, id: ObjectId) -> Result<Option<Job>> {
             })?;
             Request::Mesh(MeshRequest::Serialized { shape_index })
         }
+        (Category::Shape, "linearcurve") => Request::Curves { least: 2 },
+        (Category::Shape, "bsplinecurve") => Request::Curves { least: 4 },
         (Category::Texture, "bitmap") | (Category::Emitter, "envmap") => Request::Image,
         _ => return Ok(None),
     };

@@ -1,4 +1,4 @@
-//! Files to [`SceneDesc`]: Mitsuba 3 scene files, glTF 2.0, meshes and images.
+//! Files to [`SceneDesc`]: Mitsuba 3 scene files, glTF 2.0, meshes, curves and images.
 //!
 //! [`load`] reads a glTF file by its ending (`gltf`, `glb`), and anything else
 //! as XML, in four steps. (1) The XML of the file and of its
@@ -18,6 +18,7 @@
 //! size of the file before anything is allocated.
 
 mod assets;
+mod curves;
 mod exr_file;
 mod files;
 mod foreign;

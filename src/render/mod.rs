@@ -160,7 +160,7 @@ pub fn render(
     }
     if scene.plan.unsampled_lights > 0 && integrator.samples_lights_alone() {
         let message = format!(
-            "integrator `{}` cannot find lights that deform or are too many instances: it does not scatter rays for them",
+            "integrator `{}` cannot find lights that are curves, deform or are too many instances: it does not scatter rays for them",
             integrator.name()
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));

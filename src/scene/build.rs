@@ -38,7 +38,7 @@ pub(super) struct Builder<'a> {
     /// Index of each medium that has been read.
     media_index: HashMap<ObjectId, u32>,
     pub pending: Vec<Pending>,
-    /// Light of shapes in groups.
+    /// Light of shapes in groups, and of curves.
     pub glows: Vec<Glow>,
     pub groups: HashMap<ObjectId, Arc<GroupContents>>,
     /// Shapes go into a group: its part of the geometry.
@@ -256,7 +256,7 @@ impl Builder<'_> {
             }
             lights.push(light);
         }
-        // Positions of glowing shapes of groups go on from those of the lights.
+        // Positions of glowing shapes of groups, and of curves, go on from those of the lights.
         let glows = std::mem::take(&mut self.glows);
         let lamps = Lamps::new(&geometry, &glows, &mut lights);
         for (index, glow) in glows.iter().enumerate() {
@@ -264,6 +264,7 @@ impl Builder<'_> {
         }
         self.plan.placed_lights = lamps.placed;
         self.plan.unsampled_lights = lamps.left;
+        self.plan.glowing_curves = lamps.curves;
         self.plan.texture_bytes += lamps.bytes;
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
@@ -324,6 +325,7 @@ impl Builder<'_> {
         plan.triangles = geometry.triangle_count() as usize;
         plan.analytic = geometry.analytic_count() as usize;
         plan.deforming = geometry.moving_count() as usize;
+        plan.curves = geometry.curve_count() as usize;
         plan.groups = geometry.parts() as usize - 1;
         plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
         plan.motion = geometry.moves() || plan.camera_motion;

@@ -1,7 +1,7 @@
 //! Lamps in groups: every instance of one is a light of its own, sampled where
 //! its instance is at the time of the ray.
 //!
-//! Deforming meshes are left to scattered rays, and so is what would be more
+//! Curves and deforming meshes are left to scattered rays, and so is what would be more
 //! lights than a scene can hold: lamps with the fewest instances come first, so
 //! that a swarm does not take a moving key light along.
 
@@ -17,7 +17,7 @@ use crate::shape::{Geometry, Hit, ShapeId, ShapeSampler, SurfacePoint};
 const MAX_LAMPS: usize = 1 << 16;
 const MAX_EMITTERS: usize = 1 << 20;
 
-/// A shape of a group that glows.
+/// A shape of a group that glows, or a curve of the top.
 #[derive(Debug)]
 pub(super) struct Glow {
     pub shape: ShapeId,
@@ -29,7 +29,7 @@ pub(super) struct Glow {
 /// Which light each instance of a glowing shape is.
 #[derive(Debug, Default)]
 pub(super) struct Lamps {
-    /// Of every glowing shape of a group.
+    /// Of every glowing shape of a group, and of curves.
     emissions: Vec<Arc<AreaEmission>>,
     /// Where it is among those of its group that are sampled, if it is one.
     places: Vec<Option<u32>>,
@@ -37,9 +37,12 @@ pub(super) struct Lamps {
     firsts: Vec<u32>,
     /// By instance, then place; [`NO_LIGHT`] for what is not sampled.
     lights: Vec<u32>,
-    /// How many became lights, and how many did not.
+    /// How many became lights, and how many did not; curves at the top of the
+    /// scene among them.
     pub placed: usize,
     pub left: usize,
+    /// Shapes of curves that glow, instances apart.
+    pub curves: usize,
     /// Bytes of the tables and images that instances share.
     pub bytes: usize,
 }
@@ -69,7 +72,9 @@ impl Lamps {
                 None => Arc::new(glow.emission.clone()),
             });
             lamps.bytes += light.as_ref().map_or(0, AreaLight::memory_bytes);
-            lamps.left += if light.is_some() { 0 } else { instances(glow).len() };
+            let count = if glow.part == 0 { 1 } else { instances(glow).len() };
+            lamps.left += if light.is_some() { 0 } else { count };
+            lamps.curves += if geometry.shapes()[glow.shape as usize].is_curve() { count } else { 0 };
         }
         if chosen.iter().all(Option::is_none) {
             return lamps;

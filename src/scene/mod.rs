@@ -63,7 +63,7 @@ pub struct Scene {
     pub samples_per_pixel: u64,
     /// Lights that can be sampled.
     pub lights: Vec<Light>,
-    /// Shapes of groups that glow, and which lights their instances are. The
+    /// Shapes of groups and curves that glow, and which lights their instances are. The
     /// indices of these shapes go on from those of the lights.
     lamps: lamps::Lamps,
     /// What fills space.

@@ -14,6 +14,8 @@ pub struct Plan {
     pub analytic: usize,
     /// Triangles that deform while the shutter is open.
     pub deforming: usize,
+    /// Segments of curves, and parts of segments.
+    pub curves: usize,
     /// Groups of shapes.
     pub groups: usize,
     /// Instances of groups, nested ones multiplied out.
@@ -26,12 +28,14 @@ pub struct Plan {
     pub motion: bool,
     /// Lights of instanced or moving shapes that are sampled: part of `lights`.
     pub placed_lights: usize,
-    /// Lights that deform or are too many, which scattered rays alone find.
+    /// Lights that are curves, deform or are too many, which scattered rays alone find.
     pub unsampled_lights: usize,
     /// Some material refracts colours apart.
     pub dispersion: bool,
     /// Media, each of which absorbs.
     pub media: usize,
+    /// Those of them that are curves.
+    pub glowing_curves: usize,
     /// Triangles dropped because they have no area.
     pub dropped_triangles: usize,
     /// Shapes in the file.
@@ -178,9 +182,16 @@ impl Plan {
     /// What is said of lights that are not sampled, if there are any.
     #[must_use]
     pub fn unsampled(&self) -> Option<String> {
-        let n = self.unsampled_lights;
-        let text = "deform or are too many instances to sample: scattered rays alone find them";
-        (n > 0).then(|| format!("{n} more {text}"))
+        let curves = self.glowing_curves;
+        let others = self.unsampled_lights - curves;
+        let mut parts = Vec::new();
+        if curves > 0 {
+            parts.push(format!("{curves} more made of curves"));
+        }
+        if others > 0 {
+            parts.push(format!("{others} more deform or are too many instances to sample"));
+        }
+        (!parts.is_empty()).then(|| format!("{}: scattered rays alone find them", parts.join(" and ")))
     }
 
     /// What moves while the shutter is open, in words.
@@ -206,6 +217,7 @@ impl Plan {
             "shapes": self.shapes,
             "triangles": self.triangles,
             "analytic": self.analytic,
+            "curves": self.curves,
             "materials": self.materials,
             "bsdfs": self.bsdfs,
             "lights": self.lights,
@@ -245,11 +257,11 @@ impl Plan {
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "There is")?;
-        writeln!(
-            f,
-            "  shapes      {} ({} triangles, {} analytic)",
-            self.shapes, self.triangles, self.analytic
-        )?;
+        write!(f, "  shapes      {} ({} triangles, {} analytic", self.shapes, self.triangles, self.analytic)?;
+        if self.curves > 0 {
+            write!(f, ", {} pieces of curves", self.curves)?;
+        }
+        writeln!(f, ")")?;
         if self.instances > 0 {
             writeln!(f, "  instances   {} of {} groups", self.instances, self.groups)?;
         }

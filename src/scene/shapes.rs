@@ -9,8 +9,8 @@ use super::lamps::Glow;
 use crate::desc::{Category, Error, ObjectId, Params, Result};
 use crate::light::area_emission_from_desc;
 use crate::material::Material;
-use crate::math::{DVec3, Motion, Transform};
-use crate::shape::{MeshOptions, ShapeId};
+use crate::math::{DMat3, DVec3, Motion, Transform};
+use crate::shape::{CurveKind, MeshOptions, ShapeId};
 
 /// Scene-file names of all shapes.
 pub const SHAPES: &[&str] = &[
@@ -23,6 +23,8 @@ pub const SHAPES: &[&str] = &[
     "sphere",
     "disk",
     "cylinder",
+    "linearcurve",
+    "bsplinecurve",
     "shapegroup",
     "instance",
 ];
@@ -107,7 +109,14 @@ impl Builder<'_> {
 
     /// A shape that moves or deforms, as a group, and its motion.
     fn moving_shape(&mut self, id: ObjectId) -> Result<(Arc<GroupContents>, Motion)> {
-        let motion = self.motion(&self.desc.params(id))?;
+        let params = self.desc.params(id);
+        let motion = self.motion(&params)?;
+        if curve_kind(&self.desc.object(id).plugin).is_some() && !is_rigid(&motion) {
+            let message = "a curve that moves cannot be scaled by `to_world`: its radii stay what they are";
+            return Err(params
+                .error_at("to_world", message)
+                .hint("put the curve into a `shapegroup` and move an `instance` of it"));
+        }
         let part = self.geometry.begin_group();
         self.in_group = Some(part);
         self.shape(id, None)?;
@@ -240,17 +249,27 @@ impl Builder<'_> {
         }
         self.material_of_shape[slot] = index;
         if sides.is_some() {
-            self.media.of_shape.resize(slot + 1, None);
+            let count = self.media.of_shape.len().max(slot + 1);
+            self.media.of_shape.resize(count, None);
             self.media.of_shape[slot] = sides;
         }
+        let is_curve = curve_kind(&desc.object(id).plugin).is_some();
         match emission {
             None => {}
+            Some(_) if is_curve && desc.object(emitters[0].1).plugin == "directionalarea" => {
+                let pos = desc.object(emitters[0].1).pos;
+                return Err(desc
+                    .error(pos, "`directionalarea` needs a flat shape")
+                    .hint("`rectangle` and `disk` are flat"));
+            }
             Some(_) if self.in_group.is_some() && desc.object(emitters[0].1).plugin == "directionalarea" => {
                 let pos = desc.object(emitters[0].1).pos;
                 return Err(desc.error(pos, "`directionalarea` can neither move nor be instanced"));
             }
             Some(emission) => match self.in_group {
                 Some(part) => self.glows.push(Glow { shape, part, emission }),
+                // Not sampled, so that it needs no light.
+                None if is_curve => self.glows.push(Glow { shape, part: 0, emission }),
                 None => {
                     let emitter = emitters[0].1;
                     self.pending.push(Pending::Area { shape, emission, object: id, emitter });
@@ -269,6 +288,9 @@ impl Builder<'_> {
         textured_light: bool,
     ) -> Result<Option<ShapeId>> {
         let object = params.object();
+        if let Some(kind) = curve_kind(&object.plugin) {
+            return self.curves(kind, params, to_space);
+        }
         let flip = params.bool("flip_normals", false)?;
         let shutter = self.shutter;
         let options = |face_normals| MeshOptions {
@@ -314,6 +336,15 @@ impl Builder<'_> {
         shape.map(Some).map_err(at)
     }
 
+    /// Adds a shape of curves.
+    fn curves(&mut self, kind: CurveKind, params: &Params, to_space: &Transform) -> Result<Option<ShapeId>> {
+        let curves = params
+            .curves()
+            .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", kind.name())))?;
+        self.plan.shapes += 1;
+        self.geometry.add_curves(kind, curves, to_space).map(Some).map_err(|e| params.error(e.message))
+    }
+
     fn mesh(
         &mut self,
         mesh: &crate::desc::Mesh,
@@ -337,6 +368,19 @@ impl Builder<'_> {
         }
         Ok(Some(shape))
     }
+}
+
+/// The kind of curve that a shape is, by its name in scene files.
+fn curve_kind(plugin: &str) -> Option<CurveKind> {
+    [CurveKind::Linear, CurveKind::BSpline].into_iter().find(|kind| kind.name() == plugin)
+}
+
+/// True when nothing is scaled on the way, up to the rounding of a file.
+fn is_rigid(motion: &Motion) -> bool {
+    motion.times().all(|time| {
+        let m = DMat3::from_mat4(motion.at(time).matrix);
+        (m.transpose() * m).abs_diff_eq(DMat3::IDENTITY, 1e-4)
+    })
 }
 
 fn params_error(builder: &Builder, id: ObjectId, message: &str) -> Error {

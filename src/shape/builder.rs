@@ -66,6 +66,11 @@ impl GeometryBuilder {
         self.geometry.parts.len() as u32
     }
 
+    /// What has been collected, for shapes that add to it elsewhere.
+    pub(super) fn geometry_mut(&mut self) -> &mut Geometry {
+        &mut self.geometry
+    }
+
     /// Closes the part that is being filled.
     fn end_part(&mut self) {
         let g = &mut self.geometry;
@@ -74,6 +79,7 @@ impl GeometryBuilder {
             triangles: start.triangles.end..g.triangles.len() as u32,
             analytic: start.analytic.end..g.analytic.len() as u32,
             moving: start.moving.end..g.moving.len() as u32,
+            curves: start.curves.end..g.curves.len() as u32,
             bounds: None,
         });
     }
@@ -133,6 +139,7 @@ impl GeometryBuilder {
             uvs: None,
             own_tangents: None,
             deformation: None,
+            segments: 0,
         };
         if options.keep_uvs && !mesh.uvs.is_empty() && mesh.uvs.len() == vertex_count {
             info.uvs = base(g.uvs.len());
@@ -254,6 +261,7 @@ impl GeometryBuilder {
             uvs: None,
             own_tangents: None,
             deformation: None,
+            segments: 0,
         });
         g.analytic_bounds.push(triangle::bounds_of(analytic.bounds()));
         g.analytic.push(analytic);
@@ -273,6 +281,14 @@ impl GeometryBuilder {
         for info in g.shapes.iter_mut().filter(|info| info.deformation.is_some()) {
             info.first_prim += triangles + analytic;
         }
+        let first_curve = g.first_curve();
+        for info in g.shapes.iter_mut().filter(|info| info.segments > 0) {
+            info.first_prim += first_curve;
+        }
+        g.curve_points.shrink_to_fit();
+        g.curves.shrink_to_fit();
+        g.curve_bounds.shrink_to_fit();
+        g.curve_shapes.shrink_to_fit();
         g.positions.shrink_to_fit();
         g.normals.shrink_to_fit();
         g.uvs.shrink_to_fit();

@@ -68,10 +68,13 @@ impl Geometry {
         }
     }
 
-    /// Where a ray meets a deforming triangle; `None` for other primitives.
+    /// Where a ray meets a deforming triangle or a curve; `None` for other
+    /// primitives.
     #[cold]
     pub(crate) fn intersect_moving(&self, prim: PrimId, probe: &RayProbe, t_max: f32) -> Option<Hit> {
-        let index = self.moving_index(prim)?;
+        let Some(index) = self.moving_index(prim) else {
+            return self.intersect_curve(prim, probe, t_max);
+        };
         let vertices = self.moving_triangle(index, probe.time);
         Geometry::intersect_triangle(prim, &vertices, probe, t_max)
     }

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::attributes::Stored;
+use super::curve::CurvePiece;
 use super::deform::{Between, Deformation};
 use super::triangle;
 use super::{Analytic, Hit, Instance, PrimId, RayProbe, ShapeId, SurfacePoint};
@@ -29,6 +30,16 @@ pub struct ShapeInfo {
     pub(crate) own_tangents: Option<i64>,
     /// It deforms: index of its times.
     pub(crate) deformation: Option<u32>,
+    /// Segments of all its curves; 0 for what is none.
+    pub(crate) segments: u32,
+}
+
+impl ShapeInfo {
+    /// True when it is made of curves.
+    #[must_use]
+    pub fn is_curve(&self) -> bool {
+        self.segments > 0
+    }
 }
 
 /// The primitives of the top of a scene, or of a group.
@@ -39,6 +50,8 @@ pub(crate) struct Part {
     pub analytic: Range<u32>,
     /// Indices among the deforming triangles.
     pub moving: Range<u32>,
+    /// Indices among the pieces of curves.
+    pub curves: Range<u32>,
     /// The box of all of them; for the top of instances too.
     pub bounds: Option<Bounds>,
 }
@@ -62,6 +75,12 @@ pub struct Geometry {
     pub(crate) moving: Vec<[u32; 3]>,
     pub(crate) moving_shapes: Vec<ShapeId>,
     pub(crate) deformations: Vec<Deformation>,
+    /// Control points: position and radius.
+    pub(crate) curve_points: Vec<Vec4>,
+    pub(crate) curves: Vec<CurvePiece>,
+    /// Their boxes, as [`Geometry::prim_bounds`] gives them.
+    pub(crate) curve_bounds: Vec<Bounds>,
+    pub(crate) curve_shapes: Vec<ShapeId>,
     pub(crate) instances: Vec<Instance>,
     /// By shape, in order.
     pub(crate) attributes: Vec<Stored>,
@@ -82,7 +101,7 @@ impl Geometry {
     #[must_use]
     #[inline(always)]
     pub fn first_instance(&self) -> PrimId {
-        (self.triangles.len() + self.analytic.len() + self.moving.len()) as u32
+        (self.triangles.len() + self.analytic.len() + self.moving.len() + self.curves.len()) as u32
     }
 
     /// Number of analytic primitives.
@@ -120,7 +139,8 @@ impl Geometry {
         let shift = |r: &Range<u32>, by: u32| r.start + by..r.end + by;
         let instances = if part == 0 { self.first_instance()..self.prim_count() } else { 0..0 };
         let (analytic, moving) = (shift(&p.analytic, first_analytic), shift(&p.moving, first_moving));
-        p.triangles.clone().chain(analytic).chain(moving).chain(instances)
+        let curves = shift(&p.curves, self.first_curve());
+        p.triangles.clone().chain(analytic).chain(moving).chain(curves).chain(instances)
     }
 
     /// True when some triangle of a part deforms.
@@ -178,7 +198,10 @@ impl Geometry {
             None => self.triangle_shapes[prim as usize],
             Some(index) => match index.checked_sub(self.analytic.len()) {
                 None => self.analytic_shapes[index],
-                Some(index) => self.moving_shapes[index],
+                Some(index) => match index.checked_sub(self.moving.len()) {
+                    None => self.moving_shapes[index],
+                    Some(index) => self.curve_shapes[index],
+                },
             },
         }
     }
@@ -222,7 +245,10 @@ impl Geometry {
         match (self.analytic_bounds.get(index), self.moving_index(prim)) {
             (Some(bounds), _) => *bounds,
             (None, Some(index)) => self.moving_bounds(index, times),
-            (None, None) => self.instance(prim).map_or(Bounds::EMPTY, |instance| *instance.bounds()),
+            (None, None) => match self.curve_index(prim) {
+                Some(index) => self.curve_bounds[index],
+                None => self.instance(prim).map_or(Bounds::EMPTY, |instance| *instance.bounds()),
+            },
         }
     }
 
@@ -232,7 +258,8 @@ impl Geometry {
         self.part_bounds(0)
     }
 
-    /// Area of a primitive in the square of the scene's unit.
+    /// Area of a primitive in the square of the scene's unit; of what is neither
+    /// a still triangle nor analytic, zero.
     #[must_use]
     pub fn area(&self, prim: PrimId) -> f64 {
         match (self.triangle(prim), self.analytic(prim)) {
@@ -256,6 +283,10 @@ impl Geometry {
             + size_of_val(&*self.analytic_shapes)
             + size_of_val(&*self.moving)
             + size_of_val(&*self.moving_shapes)
+            + size_of_val(&*self.curve_points)
+            + size_of_val(&*self.curves)
+            + size_of_val(&*self.curve_bounds)
+            + size_of_val(&*self.curve_shapes)
             + size_of_val(&*self.instances)
             + size_of_val(&*self.attribute_values)
             + self.instances.iter().map(Instance::extra_bytes).sum::<usize>()
@@ -336,7 +367,11 @@ impl Geometry {
             return self.triangle_surface(self.triangle_shapes[hit.prim as usize], hit, ray.time);
         };
         let Some(analytic) = self.analytic.get(index) else {
-            return self.moving_surface(index - self.analytic.len(), hit, ray.time);
+            let index = index - self.analytic.len();
+            return match index.checked_sub(self.moving.len()) {
+                None => self.moving_surface(index, hit, ray.time),
+                Some(index) => self.curve_surface(index, ray, hit),
+            };
         };
         let s = analytic.surface(ray.origin.as_dvec3(), ray.dir.as_dvec3(), hit);
         SurfacePoint {

@@ -26,11 +26,12 @@
 //! transforms handed in, or in that of their group. Groups ([`Geometry::parts`])
 //! are seen through [`Instance`]s, which place them, still or moving; triangles
 //! that deform have vertices at several times and are interpolated when a ray
-//! meets them. Order of ids: triangles, analytic primitives, deforming
-//! triangles, instances.
+//! meets them. Curves are many small primitives of one shape (`curve`). Order of
+//! ids: triangles, analytic primitives, deforming triangles, curves, instances.
 
 mod attributes;
 mod builder;
+mod curve;
 mod cylinder;
 mod deform;
 mod disk;
@@ -51,6 +52,7 @@ mod triangle_view;
 mod view;
 
 pub use builder::{GeometryBuilder, MeshOptions, MeshReport};
+pub use curve::CurveKind;
 pub use cylinder::Cylinder;
 pub use disk::Disk;
 pub use geometry::{Geometry, ShapeInfo};

@@ -29,6 +29,7 @@ pub const ALL: &[(&str, Reader)] = &[
     ("ply", ply),
     ("obj", obj),
     ("serialized", serialized),
+    ("curves", curves),
     ("gltf", gltf),
     ("exr", exr),
     ("picture", picture),
@@ -42,6 +43,7 @@ pub const ALL: &[(&str, Reader)] = &[
 /// What a scene may have that is built as well: building takes longer than
 /// reading, and is looked at for what small scenes can do to it.
 const OBJECTS: usize = 60;
+/// Of triangles, and of control points of curves.
 const TRIANGLES: usize = 2000;
 const TEXELS: u64 = 4096;
 
@@ -97,7 +99,8 @@ fn told(error: &Error) {
 fn build(desc: &SceneDesc) {
     let triangles: usize = desc.meshes.iter().map(|m| m.triangles.len()).sum();
     let texels: u64 = desc.images.iter().map(|i| u64::from(i.width) * u64::from(i.height)).sum();
-    if desc.objects.len() > OBJECTS || triangles > TRIANGLES || texels > TEXELS {
+    let points: usize = desc.curves.iter().map(|c| c.points.len()).sum();
+    if desc.objects.len() > OBJECTS || triangles.max(points) > TRIANGLES || texels > TEXELS {
         return;
     }
     match Scene::build(desc, &BuildOptions::default()) {
@@ -196,6 +199,13 @@ pub fn ply(data: &[u8]) {
 /// Wavefront OBJ.
 pub fn obj(data: &[u8]) {
     mesh("obj", "a.obj", data);
+}
+
+/// Curves, linear or splines: the first byte says.
+pub fn curves(data: &[u8]) {
+    let Some((how, rest)) = data.split_first() else { return };
+    let kind = if how & 1 == 0 { "linearcurve" } else { "bsplinecurve" };
+    scene_of(kind, "", &file("a.txt", rest));
 }
 
 /// Mitsuba's binary meshes: the file itself, or (the first byte says) what is

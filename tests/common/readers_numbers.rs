@@ -2,10 +2,11 @@
 
 use etendue::accel::{Accel, Quality};
 use etendue::bsdf::Bsdf;
-use etendue::desc::Mesh;
+use etendue::desc::{Curves, Mesh};
 use etendue::math::{DMat4, DVec3, Motion, ONE_MINUS_EPSILON, Ray, Rgb, Transform, Vec2, Vec3};
 use etendue::shape::{
-    Analytic, Cylinder, Disk, Geometry, GeometryBuilder, MeshOptions, Rectangle, Sphere, SurfacePoint,
+    Analytic, CurveKind, Cylinder, Disk, Geometry, GeometryBuilder, MeshOptions, Rectangle, Sphere,
+    SurfacePoint,
 };
 
 /// Takes numbers off the front of the input; zeros when it ends.
@@ -151,6 +152,12 @@ fn geometry(kind: u8, bits: &mut Bits) -> Option<Geometry> {
             return None;
         }
         builder.add_mesh(&mesh, &to_world, MeshOptions::default()).ok()?;
+        if kind & 64 != 0 {
+            let points: Vec<[f32; 4]> =
+                (0..5).map(|_| bits.vector().extend(bits.float().abs()).to_array()).collect();
+            let which = if kind & 32 != 0 { CurveKind::BSpline } else { CurveKind::Linear };
+            builder.add_curves(which, &Curves { points, ends: vec![5] }, &to_world).ok()?;
+        }
     }
     if kind & 8 != 0 {
         let part = builder.begin_group();
