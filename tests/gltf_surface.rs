@@ -34,7 +34,7 @@ fn met(desc: &SceneDesc, time: f32) -> Option<[Vec3; 3]> {
     let ray = scene.camera_ray(film, Vec2::splat(0.5), time);
     let surface = scene.surface(&ray, &scene.closest(&ray)?);
     let mut room = Scatter::default();
-    let met = scene.interact(&surface, -ray.dir, etendue::scene::Carried::NOTHING, &mut room);
+    let met = scene.interact(&surface, -ray.dir, &etendue::scene::Carried::NOTHING, &mut room);
     Some([surface.ng, met.scatter.normal()?, met.scatter.lobes()[0].frame.s])
 }
 

@@ -72,7 +72,7 @@ fn trace(scene: &Scene, camera: &CameraSample, max_depth: u32, bug: Bug) -> Pixe
             break;
         }
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, etendue::scene::Carried::NOTHING, &mut room);
+        let hit = scene.interact(&surface, -ray.dir, &etendue::scene::Carried::NOTHING, &mut room);
         let dimension = 100 + depth * 8;
         let u = camera.sampler;
         for light in scene.sample_lights(&hit, u.get_1d(dimension), u.get_2d(dimension + 1)) {

@@ -47,6 +47,13 @@ static TABLE: LazyLock<Vec<Bin>> = LazyLock::new(|| {
 });
 
 impl Hue {
+    /// The hue of a wavelength from 380 to 730 nm.
+    #[must_use]
+    pub fn of(wavelength: f32) -> Hue {
+        let i = ((f64::from(wavelength) - FIRST) / STEP) as usize;
+        Hue { wavelength, colour: TABLE[i.min(BINS - 1)].colour }
+    }
+
     /// The wavelength of a uniform number in [0, 1).
     #[must_use]
     pub fn sample(u: f32) -> Hue {
@@ -71,6 +78,9 @@ mod tests {
             assert!(wavelength >= last && (380.0..=730.0).contains(&wavelength), "{wavelength}");
             assert!(colour.min_element() >= 0.0 && (colour.element_sum() - 3.0).abs() < 1e-5, "{colour}");
             last = wavelength;
+            // Rounding may take it over the end of its bin.
+            let [below, above] = [-1e-4, 1e-4].map(|d| Hue::of(wavelength + d).colour);
+            assert!(colour == below || colour == above, "{wavelength}");
             for (sum, c) in sum.iter_mut().zip(colour.to_array()) {
                 *sum += f64::from(c) / f64::from(n);
             }

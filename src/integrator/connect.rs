@@ -40,6 +40,7 @@ pub struct Connection {
 impl Connection {
     /// What of it arrives at the camera through `beta`, by a shadow ray, which
     /// goes through surfaces that are not there if it may `see_through` them.
+    #[inline(always)]
     pub fn trace<R: Record>(
         self,
         scene: &Scene,
@@ -164,7 +165,7 @@ impl Reservoir {
 }
 
 /// What one light sample contributes.
-#[inline]
+#[inline(always)]
 fn weigh(hit: &Interaction, light: ChosenLight, counts: Counts) -> Option<Connection> {
     let (f, pdf) = hit.scatter.eval_pdf(hit.wo, light.sample.wi);
     if f == Rgb::ZERO {

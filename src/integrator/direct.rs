@@ -41,7 +41,7 @@ impl Direct {
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, Carried::NOTHING, &mut room);
+        let hit = scene.interact(&surface, -ray.dir, &Carried::NOTHING, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);

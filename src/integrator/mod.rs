@@ -239,7 +239,7 @@ impl CameraSample {
 /// What of a light sample's radiance arrives at a hit, per channel in [0, 1].
 /// With `see_through`, surfaces that let light straight on do not end it, and
 /// media count.
-#[inline]
+#[inline(always)]
 fn arriving(scene: &Scene, hit: &Interaction, light: &LightSample, see_through: bool) -> Rgb {
     let ray = shadow_ray(hit.surface, light);
     if see_through && (scene.plan.alpha || scene.has_media()) {
@@ -266,7 +266,7 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
         return;
     }
     let mut room = Scatter::default();
-    let hit = scene.interact(surface, -camera.ray.dir, Carried::NOTHING, &mut room);
+    let hit = scene.interact(surface, -camera.ray.dir, &Carried::NOTHING, &mut room);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);

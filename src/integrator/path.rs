@@ -18,7 +18,6 @@
 
 use super::connect::{Counts, connect};
 use super::{CameraSample, Event, Record, Vertex, first_hit, first_hit_layers};
-use crate::color::Hue;
 use crate::film::PixelSample;
 use crate::light::Receiver;
 use crate::material::Scatter;
@@ -60,8 +59,8 @@ struct State {
     depth: u32,
     /// What the ray goes through.
     medium: u32,
-    /// The wavelength that is left, once refraction has split the path.
-    hue: Option<Hue>,
+    /// The wavelength that is left, once refraction has split the path; else 0.
+    wavelength: f32,
     /// Where it comes from: not quite where it begins.
     from: Vec3,
     last: Last,
@@ -71,9 +70,9 @@ impl State {
     /// What it brings to a surface of that shape.
     #[inline]
     fn carried(&self, scene: &Scene, camera: &CameraSample, shape: u32) -> Carried {
-        let mut carried = Carried { medium: self.medium, hue: self.hue, fresh: false };
-        if scene.plan.dispersion && self.hue.is_none() && scene.disperses(shape) {
-            (carried.hue, carried.fresh) = (Some(camera.hue()), true);
+        let mut carried = Carried { medium: self.medium, wavelength: self.wavelength, fresh: false };
+        if scene.plan.dispersion && self.wavelength == 0.0 && scene.disperses(shape) {
+            (carried.wavelength, carried.fresh) = (camera.hue().wavelength, true);
         }
         carried
     }
@@ -102,7 +101,7 @@ impl Path {
             eta: 1.0,
             bounce: 0,
             depth: 0,
-            hue: None,
+            wavelength: 0.0,
             medium: if self.see_through { scene.camera_medium() } else { Medium::NONE },
             from: camera.ray.origin,
             last: Last { receiver: Receiver::free(camera.ray.origin), pdf: 1.0, delta: true },
@@ -138,7 +137,7 @@ impl Path {
                 return out;
             }
             let carried = state.carried(scene, camera, surface.shape);
-            let hit = scene.interact(&surface, -state.ray.dir, carried, &mut room);
+            let hit = scene.interact(&surface, -state.ray.dir, &carried, &mut room);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(scene, (camera, &hit), &mut state, record) {
                 Some(null) => {
@@ -255,7 +254,7 @@ impl Path {
         state.ray = hit.surface.spawn(sample.wi);
         if let Some(colour) = hit.split(sample.wi) {
             state.beta *= colour;
-            state.hue = hit.carried.hue;
+            state.wavelength = hit.carried.wavelength;
         }
         if self.see_through {
             state.from = hit.surface.p;

@@ -83,7 +83,7 @@ impl Whitted {
         }
         let mut room = Scatter::default();
         let carried = Carried { medium, ..Carried::NOTHING };
-        let hit = scene.interact(surface, -ray.dir, carried, &mut room);
+        let hit = scene.interact(surface, -ray.dir, &carried, &mut room);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
             for index in 0..scene.lights.len() {

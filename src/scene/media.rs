@@ -69,6 +69,7 @@ impl Scene {
     /// through surfaces as far as they are not there (`null`, `mask`). The ray
     /// comes from a point in `medium`.
     #[must_use]
+    #[inline(never)]
     pub fn passed(&self, mut ray: Ray, mut from: Vec3, mut medium: u32) -> Rgb {
         let end = ray.t_max.is_finite().then(|| ray.at(ray.t_max));
         let (mut left, mut room) = (Rgb::ONE, Scatter::default());
@@ -82,7 +83,7 @@ impl Scene {
             }
             let towards = ray.dir;
             left *= self
-                .interact(&surface, -towards.normalize(), Carried::NOTHING, &mut room)
+                .interact(&surface, -towards.normalize(), &Carried::NOTHING, &mut room)
                 .scatter
                 .null_share();
             if left == Rgb::ZERO {

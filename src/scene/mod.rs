@@ -103,19 +103,16 @@ struct Traits {
 pub struct Carried {
     /// The medium that it came through, [`Medium::NONE`] for none.
     pub medium: u32,
-    /// The one wavelength that is left of it, if it has been refracted apart.
-    pub hue: Option<Hue>,
+    /// The one wavelength that is left of it in nanometres, if it has been
+    /// refracted apart; else 0.
+    pub wavelength: f32,
     /// It has just been drawn: its colour has not been taken into account.
     pub fresh: bool,
 }
 
 impl Carried {
     /// White light through empty space.
-    pub const NOTHING: Carried = Carried { medium: Medium::NONE, hue: None, fresh: false };
-
-    fn wavelength(&self) -> f32 {
-        self.hue.map_or(0.0, |hue| hue.wavelength)
-    }
+    pub const NOTHING: Carried = Carried { medium: Medium::NONE, wavelength: 0.0, fresh: false };
 }
 
 /// A hit with everything that shading needs.
@@ -126,7 +123,7 @@ pub struct Interaction<'a, 's> {
     /// Unit direction towards where the path came from.
     pub wo: Vec3,
     /// What the path brought along.
-    pub carried: Carried,
+    pub carried: &'a Carried,
     /// The material's lobes.
     pub scatter: &'a Scatter<'s>,
     /// Light from below the shading normal may count.
@@ -139,10 +136,12 @@ impl Interaction<'_, '_> {
     #[must_use]
     #[inline]
     pub fn split(&self, wi: Vec3) -> Option<Rgb> {
-        let Carried { fresh: true, hue: Some(hue), .. } = self.carried else { return None };
+        if !self.carried.fresh {
+            return None;
+        }
         let SurfacePoint { ng, .. } = *self.surface;
         let reflected = ng.dot(self.wo) > 0.0 && ng.dot(wi) > 0.0;
-        (!reflected).then_some(hue.colour)
+        (!reflected).then(|| Hue::of(self.carried.wavelength).colour)
     }
 
     /// The point as lights see it.
@@ -189,7 +188,7 @@ impl Scene {
         &'s self,
         surface: &'a SurfacePoint,
         wo: Vec3,
-        carried: Carried,
+        carried: &'a Carried,
         room: &'a mut Scatter<'s>,
     ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
@@ -207,7 +206,7 @@ impl Scene {
             None
         };
         let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
-        let wavelength = carried.wavelength();
+        let wavelength = carried.wavelength;
         let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv, wavelength };
         self.materials[index].at(&point, room);
         Interaction { surface, wo, carried, scatter: room, two_sided }

@@ -128,6 +128,9 @@ impl Reference {
                 return sums.ours(samples);
             }
             let larger = ((samples as f64 * need / 1.5) as u64).min(SAMPLES.1).min(most / BATCHES);
+            // The smoother a picture, the faster than 1/√n its error falls: a large
+            // step would be too large, unless even so the largest one is needed.
+            let larger = if larger < SAMPLES.1 { larger.min(8 * samples) } else { larger };
             if sums.count == BATCHES && larger >= 4 * samples {
                 (samples, sums) = (larger, Sums::default());
                 continue;

@@ -99,7 +99,7 @@ impl Subject {
         let ray = match self {
             Subject::Scene(scene) if !scene.lights.is_empty() => {
                 let mut room = Scatter::default();
-                let hit = scene.interact(from, normal, Carried::NOTHING, &mut room);
+                let hit = scene.interact(from, normal, &Carried::NOTHING, &mut room);
                 let which = (choice * scene.selection.most_candidates() as f32) as usize;
                 let candidate = scene.sample_lights(&hit, choice, u[0]).nth(which)?;
                 shadow_ray(from, &candidate.sample)
