@@ -408,3 +408,22 @@ fn moments_and_layers_of_a_file() {
         assert!(values.iter().all(|v| (v / expected - 1.0).abs() < 1e-6), "{name} {values:?}");
     }
 }
+
+/// A path between perfect mirrors, with no limit, is let go at last; light that
+/// it could find is found all the same.
+#[test]
+fn paths_that_cannot_end_do() {
+    let ball = r#"<shape type="sphere"><float name="radius" value="2"/><boolean name="flip_normals" value="true"/>
+        <bsdf type="conductor"><string name="material" value="none"/></bsdf></shape>"#;
+    let camera = ([0.0, 0.0, 1.0], [0.1, 0.2, 0.0]);
+    let xml = |body: &str| format!(r#"<scene version="3.0.0">{}{body}</scene>"#, sensor(camera));
+    for integrator in ["path", "volpath"] {
+        let dark = Ready::from_xml(&xml(ball), Some(integrator), None);
+        assert_eq!(mean(&dark.picture(16, 1)), 0.0);
+        let lamp = r#"<shape type="sphere"><point name="center" x="0" y="0" z="-1"/><float name="radius" value="0.4"/>
+            <bsdf type="conductor"><string name="material" value="none"/></bsdf>
+            <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>"#;
+        let lit = Ready::from_xml(&xml(&format!("{ball}{lamp}")), Some(integrator), None);
+        assert!(mean(&lit.picture(16, 1)) > 0.5);
+    }
+}
