@@ -15,7 +15,7 @@
 //! min(1, max(β)·η²) once `rr_depth` is reached: the weight of a survivor is
 //! bounded, η² undoes the radiance scaling inside a medium. Mitsuba's cap of
 //! 0.95 would make the variance infinite for albedos above 0.975. But mirrors and
-//! glass can hold a path for ever: from [`LONG`] scatterings on it goes on with at
+//! glass can hold a path without limit for ever: from [`LONG`] scatterings on it goes on with at
 //! most [`PATIENCE`], which leaves the variance finite up to an albedo of 0.99997.
 
 use super::connect::{Counts, connect};
@@ -284,7 +284,8 @@ impl Path {
         } else {
             (state.beta.max_element() * state.eta * state.eta).min(1.0)
         };
-        if state.bounce >= LONG {
+        // One with a limit ends there.
+        if state.bounce >= LONG && self.max_depth == u32::MAX {
             survival *= PATIENCE;
         }
         if survival >= 1.0 {
