@@ -34,11 +34,11 @@ fn replace_kind(old: &mut Old) -> Result<()> {
         Category::Integrator => integrator::NAMES,
         Category::Rfilter => Filter::NAMES,
         Category::Film => &["hdrfilm"],
-        Category::Medium => Medium::NAMES,
+        Category::Medium => &[],
         _ => return Ok(()),
     };
     let unknown = match category {
-        // Of one that is known it depends on what it does.
+        // It depends on what it does: some only absorb.
         Category::Medium => Medium::from_desc(old.scene, old.id).err().map(|error| error.message),
         _ if known.contains(&plugin.as_str()) => None,
         _ => Some(format!("unknown {} `{plugin}`", category.tag())),

@@ -5,7 +5,7 @@ use super::old::{Old, colour};
 use crate::desc::{Category, Result, Value};
 use crate::integrator;
 
-/// Integrators that without media that scatter are one.
+/// Integrators that differ only in media that scatter.
 const PATHS: &[&str] = &["volpath", "volpath_simple", "volpathmis"];
 
 /// Integrators whose picture, once it has converged, is that of `volpath`: what

@@ -44,9 +44,6 @@ impl Medium {
     /// The default of Mitsuba 3.9, which scatters.
     const ALBEDO: Rgb = Rgb::splat(0.75);
 
-    /// Scene-file names of all media.
-    pub const NAMES: &'static [&'static str] = &["homogeneous"];
-
     /// Reads a `<medium>`.
     ///
     /// # Errors

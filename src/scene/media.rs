@@ -58,7 +58,7 @@ impl Scene {
     }
 
     /// What is left after a way of that length through the darkest medium, but
-    /// no less than what matters to anybody; 1 without media.
+    /// no less than normal numbers of f32 can tell; 1 without media.
     #[must_use]
     pub fn least_transmittance(&self, distance: f64) -> f64 {
         let darkest = self.media.all.iter().map(Medium::most).fold(0.0, f64::max);

@@ -30,12 +30,12 @@ pub struct Plan {
     pub placed_lights: usize,
     /// Lights that are curves, deform or are too many, which scattered rays alone find.
     pub unsampled_lights: usize,
+    /// Those of them that are curves.
+    pub glowing_curves: usize,
     /// Some material refracts colours apart.
     pub dispersion: bool,
     /// Media, each of which absorbs.
     pub media: usize,
-    /// Those of them that are curves.
-    pub glowing_curves: usize,
     /// Triangles dropped because they have no area.
     pub dropped_triangles: usize,
     /// Shapes in the file.

@@ -250,19 +250,8 @@ impl GeometryBuilder {
     pub fn add_analytic(&mut self, analytic: Analytic) -> ShapeId {
         let g = &mut self.geometry;
         let shape = g.shapes.len() as ShapeId;
-        g.shapes.push(ShapeInfo {
-            // Counted from 0 until the number of triangles is known.
-            first_prim: g.analytic.len() as u32,
-            prim_count: 1,
-            kind: analytic.name(),
-            flip: false,
-            tangents: true,
-            normals: None,
-            uvs: None,
-            own_tangents: None,
-            deformation: None,
-            segments: 0,
-        });
+        // Counted from 0 until the number of triangles is known.
+        g.shapes.push(ShapeInfo::of(analytic.name(), g.analytic.len() as u32, 1));
         g.analytic_bounds.push(triangle::bounds_of(analytic.bounds()));
         g.analytic.push(analytic);
         g.analytic_shapes.push(shape);

@@ -35,6 +35,22 @@ pub struct ShapeInfo {
 }
 
 impl ShapeInfo {
+    /// That of primitives which know their own normals and coordinates.
+    pub(crate) fn of(kind: &'static str, first_prim: u32, prim_count: u32) -> ShapeInfo {
+        ShapeInfo {
+            first_prim,
+            prim_count,
+            kind,
+            flip: false,
+            tangents: true,
+            normals: None,
+            uvs: None,
+            own_tangents: None,
+            deformation: None,
+            segments: 0,
+        }
+    }
+
     /// True when it is made of curves.
     #[must_use]
     pub fn is_curve(&self) -> bool {
@@ -374,21 +390,7 @@ impl Geometry {
             };
         };
         let s = analytic.surface(ray.origin.as_dvec3(), ray.dir.as_dvec3(), hit);
-        SurfacePoint {
-            p: s.p.as_vec3(),
-            p_error: s.p_error,
-            ng: s.ng.as_vec3(),
-            ns: s.ns.as_vec3(),
-            uv: s.uv,
-            barycentric: Vec2::ZERO,
-            dpdu: s.dpdu.as_vec3(),
-            dpdv: s.dpdv.as_vec3(),
-            prim: hit.prim,
-            shape: self.analytic_shapes[index],
-            instance: Hit::NO_INSTANCE,
-            time: ray.time,
-            planar: analytic.is_planar(),
-        }
+        s.rounded((hit.prim, self.analytic_shapes[index]), ray.time, analytic.is_planar())
     }
 
     /// The surface at a hit in an instance.

@@ -143,6 +143,28 @@ pub(crate) struct AnalyticPoint {
     pub dpdv: DVec3,
 }
 
+impl AnalyticPoint {
+    /// Rounded, as a point of a primitive and its shape, in no instance.
+    #[inline(always)]
+    fn rounded(&self, (prim, shape): (PrimId, ShapeId), time: f32, planar: bool) -> SurfacePoint {
+        SurfacePoint {
+            p: self.p.as_vec3(),
+            p_error: self.p_error,
+            ng: self.ng.as_vec3(),
+            ns: self.ns.as_vec3(),
+            uv: self.uv,
+            barycentric: Vec2::ZERO,
+            dpdu: self.dpdu.as_vec3(),
+            dpdv: self.dpdv.as_vec3(),
+            prim,
+            shape,
+            instance: Hit::NO_INSTANCE,
+            time,
+            planar,
+        }
+    }
+}
+
 /// Calls the method of whichever kind it is.
 macro_rules! dispatch {
     ($self:expr, $kind:ident => $call:expr) => {

@@ -431,21 +431,7 @@ impl ShapeSampler {
     }
 
     fn round(&self, analytic: &Analytic, point: &AnalyticPoint) -> SurfacePoint {
-        SurfacePoint {
-            p: point.p.as_vec3(),
-            p_error: point.p_error,
-            ng: point.ng.as_vec3(),
-            ns: point.ns.as_vec3(),
-            uv: point.uv,
-            barycentric: Vec2::ZERO,
-            dpdu: point.dpdu.as_vec3(),
-            dpdv: point.dpdv.as_vec3(),
-            prim: self.first_prim,
-            shape: self.shape,
-            instance: Hit::NO_INSTANCE,
-            time: 0.0,
-            planar: analytic.is_planar(),
-        }
+        point.rounded((self.first_prim, self.shape), 0.0, analytic.is_planar())
     }
 }
 

@@ -215,21 +215,7 @@ impl Geometry {
         let spot = piece.spot(&self.curve_points, origin + dir * met.t, met.v);
         let shape = self.curve_shapes[index];
         let s = spot.parametrised((piece.segment, met.v), self.shapes[shape as usize].segments);
-        SurfacePoint {
-            p: s.p.as_vec3(),
-            p_error: s.p_error,
-            ng: s.ng.as_vec3(),
-            ns: s.ns.as_vec3(),
-            uv: s.uv,
-            barycentric: Vec2::ZERO,
-            dpdu: s.dpdu.as_vec3(),
-            dpdv: s.dpdv.as_vec3(),
-            prim: hit.prim,
-            shape,
-            instance: Hit::NO_INSTANCE,
-            time: ray.time,
-            planar: false,
-        }
+        s.rounded((hit.prim, shape), ray.time, false)
     }
 }
 
@@ -309,19 +295,9 @@ impl GeometryBuilder {
             return Err(Error::new("more than 2^31 triangles and segments of curves"));
         }
         g.curve_shapes.resize(g.curves.len(), shape);
-        g.shapes.push(ShapeInfo {
-            // Counted from 0 until the number of other primitives is known.
-            first_prim: first_piece as u32,
-            prim_count: prim_count as u32,
-            kind: kind.name(),
-            flip: false,
-            tangents: true,
-            normals: None,
-            uvs: None,
-            own_tangents: None,
-            deformation: None,
-            segments,
-        });
+        // Counted from 0 until the number of other primitives is known.
+        let info = ShapeInfo::of(kind.name(), first_piece as u32, prim_count as u32);
+        g.shapes.push(ShapeInfo { segments, ..info });
         Ok(shape)
     }
 }
