@@ -9,11 +9,16 @@
 
 #[path = "common/describe.rs"]
 mod describe;
+#[path = "common/render.rs"]
+mod render;
 
 use describe::{Describe, float, string, transform};
 use etendue::desc::{Category, Error, Pixels, Value};
-use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec4};
-use etendue::texture::{Coords, Texture, Usage, texture_from_desc, texture_param};
+use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec3, Vec4};
+use etendue::texture::{
+    Coords, Footprint, More, NO_ATTRIBUTES, Pyramids, Texture, TextureFilter, Usage, texture_from_desc,
+    texture_param,
+};
 
 const FLOATS: [f32; 18] =
     [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.9, 0.1, 0.5, 0.2, 0.3, 0.1, 0.6, 0.6, 0.2];
@@ -385,9 +390,95 @@ fn attributes_are_numbered_and_read() {
     assert!(colour.reads_attributes() && second.reads_attributes());
 
     let attributes = [Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0), Vec4::ZERO, Vec4::ZERO];
-    let at = Coords { uv: Vec2::new(0.9, 0.95), attributes: Some(&attributes) };
+    let more = More { attributes, footprint: Footprint::POINT };
+    let at = Coords { uv: Vec2::new(0.9, 0.95), more: Some(&more) };
     assert_eq!(colour.eval(at), Rgb::new(0.1, 0.2, 0.3));
     check("second", &second, [0.0, 0.0], second.eval(Vec2::ZERO).to_array(), None);
     let plain = bitmap([3, 2], 3, Pixels::F32(FLOATS.to_vec()), vec![]).unwrap();
     assert_eq!(second.eval(at), plain.eval(Vec2::new(0.1, 0.2)));
+}
+
+/// A texture of random numbers, ready to be averaged.
+fn filtered(size: [u32; 2], channels: u32, texel: impl Fn(u32, u32) -> f32) -> Texture {
+    let of = |i: u32| texel(i / channels % size[0], i / channels / size[0]);
+    let pixels = Pixels::F32((0..size[0] * size[1] * channels).map(of).collect());
+    let texture = bitmap(size, channels, pixels, vec![]).unwrap();
+    let mut pyramids = Pyramids::default();
+    texture.visit_bitmaps(&mut |bitmap| bitmap.filter(&mut pyramids));
+    texture
+}
+
+fn noise(x: u32, y: u32) -> f32 {
+    let hash = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b)).wrapping_mul(0xc2b2_ae35);
+    ((hash ^ (hash >> 15)).wrapping_mul(0x27d4_eb2f) >> 8) as f32 / (1 << 24) as f32
+}
+
+/// Looked at from a direction by a beam of so much width, (u, v) being (x, y).
+fn seen(texture: &Texture, uv: Vec2, width: f32, wo: Vec3) -> f32 {
+    let more = More { attributes: NO_ATTRIBUTES, footprint: Footprint::new(width, wo, Vec3::X, Vec3::Y) };
+    texture.eval(Coords { uv, more: Some(&more) }).x
+}
+
+#[test]
+fn a_beam_wider_than_a_texture_sees_its_mean() {
+    for (size, channels) in [([8, 8], 3), ([7, 5], 1), ([1, 9], 4), ([33, 2], 2), ([100, 63], 3)] {
+        let texture = filtered(size, channels, noise);
+        let (found, mean) = (seen(&texture, Vec2::new(0.3, 0.7), 100.0, Vec3::Z), texture.mean().x);
+        assert!((found / mean - 1.0).abs() < 2e-3, "{size:?}: {found}, not {mean}");
+        // A narrow one sees what there is, to the last bit.
+        let uv = Vec2::new(0.21, 0.43);
+        let narrow = 1.9 / size[0].max(size[1]) as f32;
+        assert_eq!(seen(&texture, uv, narrow, Vec3::Z).to_bits(), texture.eval(uv).x.to_bits());
+        assert_eq!(seen(&texture, uv, 0.0, Vec3::Z).to_bits(), texture.eval(uv).x.to_bits());
+    }
+}
+
+/// Stripes seen at a grazing angle: along them nothing is blurred, across them
+/// much is.
+#[test]
+fn a_slanted_beam_averages_along_one_axis() {
+    let texture = filtered([64, 64], 1, |x, _| noise(x, 0));
+    let (sin, cos) = 1.4f32.sin_cos();
+    let at: Vec<Vec2> = (0..400).map(|i| Vec2::new(noise(i, 1), noise(i, 2))).collect();
+    let spread = |f: &dyn Fn(Vec2) -> f32| {
+        let values: Vec<f32> = at.iter().map(|uv| f(*uv)).collect();
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32).sqrt())
+    };
+    let width = 1.5 / 64.0;
+    for uv in &at {
+        let along = seen(&texture, *uv, width, Vec3::new(0.0, sin, cos));
+        assert!((along - texture.eval(*uv).x).abs() < 1e-4, "{uv}: {along}");
+    }
+    let (mean, point) = spread(&|uv| texture.eval(uv).x);
+    let (other, blurred) = spread(&|uv| seen(&texture, uv, width, Vec3::new(sin, 0.0, cos)));
+    assert!((mean - other).abs() < 0.02 && blurred < 0.5 * point, "{mean} {other}, {point} {blurred}");
+}
+
+/// The filter takes noise away where pixels cover many texels, and leaves the mean.
+#[test]
+fn a_court_of_tiles_gets_less_noisy() {
+    use etendue::integrator::{Integrator, IntegratorOptions};
+    use etendue::load::{LoadOptions, load};
+    use etendue::scene::{BuildOptions, Scene};
+    let path = render::package("scenes/tiled-court/scene.xml");
+    let desc = load(&path, &LoadOptions::default()).unwrap();
+    let built = |texture_filter| {
+        let options = BuildOptions { size: Some([96, 54]), texture_filter, ..BuildOptions::default() };
+        let integrator = Integrator::from_desc(&desc, &IntegratorOptions::default()).unwrap();
+        render::Ready { scene: Scene::build(&desc, &options).unwrap(), integrator }
+    };
+    let [point, footprint] = [TextureFilter::Point, TextureFilter::Footprint].map(built);
+    assert!(point.scene.plan.pyramid_bytes == 0 && footprint.scene.plan.pyramid_bytes > 0);
+    let reference = render::rgb(&point.picture(512, 1));
+    let error = |picture: &[f32]| {
+        let terms = picture.iter().zip(&reference).map(|(a, b)| f64::from((a - b).powi(2) / (b * b + 0.01)));
+        terms.sum::<f64>() / reference.len() as f64
+    };
+    let mean = |picture: &[f32]| picture.iter().map(|v| f64::from(*v)).sum::<f64>();
+    let [noisy, smooth] = [&point, &footprint].map(|ready| error(&render::rgb(&ready.picture(4, 2))));
+    println!("relMSE at 4 spp: {noisy:.5} of points, {smooth:.5} over footprints");
+    assert!(smooth < 0.7 * noisy, "{smooth} against {noisy}");
+    let [a, b] = [mean(&reference), mean(&render::rgb(&footprint.picture(64, 3)))];
+    assert!((b / a - 1.0).abs() < 1e-3, "the mean is off by {}", b / a - 1.0);
 }

@@ -12,6 +12,7 @@ use crate::load::LoadOptions;
 use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
 use crate::study::Region;
+use crate::texture::TextureFilter;
 
 /// A path tracer that knows how wrong its picture is.
 #[derive(Debug, Parser)]
@@ -64,6 +65,10 @@ pub struct SceneArgs {
     /// Accelerator: bvh8, bvh2, brute, or embree where the program was built with that feature.
     #[arg(long, value_name = "NAME")]
     pub accel: Option<String>,
+    /// How textures are read: footprint, averaged over the part of a pixel that a sample stands for, or
+    /// point.
+    #[arg(long, value_name = "HOW", default_value = "point", value_parser = parse_filter)]
+    pub texture_filter: TextureFilter,
     /// Quality of the tree of bvh8: fast to build, or high (the default) to trace.
     #[arg(long, value_name = "QUALITY")]
     pub bvh: Option<String>,
@@ -75,7 +80,13 @@ pub struct SceneArgs {
 
 impl SceneArgs {
     pub fn build_options(&self) -> BuildOptions {
-        BuildOptions { size: self.size, crop: self.crop, accel: self.accel.clone(), bvh: self.bvh.clone() }
+        BuildOptions {
+            size: self.size,
+            crop: self.crop,
+            accel: self.accel.clone(),
+            bvh: self.bvh.clone(),
+            texture_filter: self.texture_filter,
+        }
     }
 
     pub fn integrator_options(&self) -> IntegratorOptions {
@@ -319,7 +330,7 @@ pub struct StudyArgs {
     /// Variance of the reference's pixel means; its own error layer is used when it has one.
     #[arg(long, value_name = "V.exr")]
     pub ref_variance: Option<PathBuf>,
-    /// Try these values: KEY=A,B of integrator, sampler, accel, bvh, max-depth, or a `$name` of the scene
+    /// Try these values: KEY=A,B of integrator, sampler, accel, bvh, max-depth, texture-filter, or a `$name` of the scene
     /// file. Every combination is a configuration. Repeatable.
     #[arg(long, value_name = "KEY=A,B", value_parser = parse_define)]
     pub vary: Vec<(String, String)>,
@@ -579,6 +590,10 @@ fn parse_growth(text: &str) -> Result<(u32, u32), String> {
 fn parse_sequence(text: &str) -> Result<Sequence, String> {
     let names = || Sequence::ALL.map(Sequence::name).join(", ");
     Sequence::named(text).ok_or_else(|| format!("there are {}", names()))
+}
+
+fn parse_filter(text: &str) -> Result<TextureFilter, String> {
+    TextureFilter::named(text).ok_or_else(|| format!("there are {}", TextureFilter::names()))
 }
 
 fn parse_count(text: &str) -> Result<usize, String> {

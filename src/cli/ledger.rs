@@ -6,6 +6,7 @@ use std::ffi::OsStr;
 use super::args::{RenderArgs, SceneArgs, StageArgs};
 use crate::render::{BadSample, BadSamples};
 use crate::sampling::Sequence;
+use crate::texture::TextureFilter;
 
 /// Says what was left out, and how to look at it.
 pub fn tell(args: &RenderArgs, bad: &BadSamples) {
@@ -35,8 +36,19 @@ pub fn attributes(bad: &BadSamples) -> Vec<(String, String)> {
 pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
     let mut line = Line::default();
     // Exhaustive, so that a new option is not forgotten.
-    let SceneArgs { scene, stage, defines, size, crop, integrator, max_depth, accel, bvh, lenient } =
-        &args.scene;
+    let SceneArgs {
+        scene,
+        stage,
+        defines,
+        size,
+        crop,
+        integrator,
+        max_depth,
+        accel,
+        texture_filter,
+        bvh,
+        lenient,
+    } = &args.scene;
     line.stage(stage);
     for (name, value) in defines {
         line.option("-D", &format!("{name}={value}"));
@@ -53,6 +65,9 @@ pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
     }
     line.maybe("--accel", accel.as_ref());
     line.maybe("--bvh", bvh.as_ref());
+    if *texture_filter != TextureFilter::default() {
+        line.option("--texture-filter", texture_filter.name());
+    }
     line.flag("--lenient", *lenient);
     line.option("--sample", &bad.index.to_string());
     line.option("--seed", &args.seed.to_string());

@@ -20,6 +20,8 @@ pub use params::Params;
 
 use std::sync::{Arc, OnceLock};
 
+use half::f16;
+
 use crate::math::{DVec3, Motion, Transform, Vec2, Vec3, Vec4};
 
 /// Index of an object in [`SceneDesc::objects`].
@@ -235,8 +237,34 @@ pub enum Pixels {
     U8(Vec<u8>),
     /// 16 bits, 65535 is one; sRGB encoded unless the user of the image says raw.
     U16(Vec<u16>),
+    /// Linear floats of 16 bits, all finite.
+    F16(Vec<f16>),
     /// Linear floats.
     F32(Vec<f32>),
+}
+
+impl Pixels {
+    /// Bytes of the samples.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        match self {
+            Pixels::U8(p) => p.len(),
+            Pixels::U16(p) => 2 * p.len(),
+            Pixels::F16(p) => 2 * p.len(),
+            Pixels::F32(p) => 4 * p.len(),
+        }
+    }
+
+    /// Floats in 16 bits each where all of them are such numbers, else in 32.
+    #[must_use]
+    pub fn from_floats(samples: Vec<f32>) -> Pixels {
+        let exact = |x: &f32| x.is_finite() && f16::from_f32(*x).to_f32().to_bits() == x.to_bits();
+        if samples.iter().all(exact) {
+            Pixels::F16(samples.into_iter().map(f16::from_f32).collect())
+        } else {
+            Pixels::F32(samples)
+        }
+    }
 }
 
 impl SceneDesc {
@@ -318,6 +346,7 @@ impl SceneDesc {
             match &image.pixels {
                 Pixels::U8(p) => hash.bytes(p),
                 Pixels::U16(p) => p.iter().for_each(|x| hash.bytes(&x.to_le_bytes())),
+                Pixels::F16(p) => p.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes())),
                 Pixels::F32(p) => p.iter().for_each(|x| hash.bytes(&x.to_bits().to_le_bytes())),
             }
         }

@@ -10,7 +10,7 @@ use crate::film::PixelSample;
 use crate::material::Scatter;
 use crate::math::{Rgb, Vec2};
 use crate::sampling::power_heuristic;
-use crate::scene::{Carried, Interaction, Scene};
+use crate::scene::{Interaction, Scene};
 
 /// The direct-light integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +41,8 @@ impl Direct {
         first_hit_layers(&mut out, scene, camera, &surface);
         out.rgb += scene.emitted(&surface, -ray.dir);
         let mut room = Scatter::default();
-        let hit = scene.interact(&surface, -ray.dir, &Carried::NOTHING, &mut room);
+        let carried = camera.carried(scene, &surface);
+        let hit = scene.interact(&surface, -ray.dir, &carried, &mut room);
         if hit.scatter.has_smooth() {
             for i in 0..self.emitter_samples {
                 out.rgb += self.light_sample(scene, camera, &hit, i, record);

@@ -70,18 +70,22 @@ impl Integrator {
     /// What is left out of the rendering equation, for the file header.
     #[must_use]
     pub fn bias_ledger(&self, scene: &Scene) -> String {
-        match self {
+        let mut parts = match self {
             Integrator::Path(p) => {
                 let cut = (p.max_depth < u32::MAX)
                     .then(|| format!("paths longer than depth {} are cut", p.max_depth));
-                let parts: Vec<String> =
-                    cut.into_iter().chain(self.leaves_out(scene).map(str::to_owned)).collect();
-                if parts.is_empty() { "none".to_owned() } else { parts.join("; ") }
+                cut.into_iter().chain(self.leaves_out(scene).map(str::to_owned)).collect()
             }
-            Integrator::Direct(_) => "direct light only".to_owned(),
-            Integrator::Whitted(_) => "ray tracing without indirect light".to_owned(),
-            Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => "no light transport".to_owned(),
+            Integrator::Direct(_) => vec!["direct light only".to_owned()],
+            Integrator::Whitted(_) => vec!["ray tracing without indirect light".to_owned()],
+            Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => {
+                return "no light transport".to_owned();
+            }
+        };
+        if scene.plan.pyramid_bytes > 0 {
+            parts.push("textures are averaged over what a sample stands for".to_owned());
         }
+        if parts.is_empty() { "none".to_owned() } else { parts.join("; ") }
     }
 
     /// What it leaves out of this scene though it shows light, in words.
@@ -198,6 +202,20 @@ impl CameraSample {
         (CameraSample { ray, sampler, first_light, layers: false }, offset)
     }
 
+    /// Width of what the sample covers of a surface, where textures look at that.
+    #[inline]
+    fn footprint(&self, scene: &Scene, surface: &SurfacePoint) -> f32 {
+        if scene.plan.pyramid_bytes == 0 {
+            return 0.0;
+        }
+        scene.footprint(self.sampler.index(), surface.p.distance(self.ray.origin))
+    }
+
+    /// What a path without wavelength brings to a surface through empty space.
+    fn carried(&self, scene: &Scene, surface: &SurfacePoint) -> Carried {
+        Carried { footprint: self.footprint(scene, surface), ..Carried::NOTHING }
+    }
+
     /// Which light, and where on it, at the vertex after `bounce` scatterings.
     fn light(&self, scene: &Scene, bounce: u32) -> (f32, Vec2) {
         let choice = if scene.selection.is_trivial() {
@@ -266,7 +284,8 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
         return;
     }
     let mut room = Scatter::default();
-    let hit = scene.interact(surface, -camera.ray.dir, &Carried::NOTHING, &mut room);
+    let carried = camera.carried(scene, surface);
+    let hit = scene.interact(surface, -camera.ray.dir, &carried, &mut room);
     out.depth = (surface.p - camera.ray.origin).length();
     out.position = (surface.p.as_dvec3() + scene.recentre).as_vec3();
     let normal = hit.scatter.normal().unwrap_or(surface.ns);

@@ -77,9 +77,14 @@ struct State {
 impl State {
     /// What it brings to a surface of that shape.
     #[inline]
-    fn carried(&self, scene: &Scene, camera: &CameraSample, shape: u32) -> Carried {
-        let mut carried = Carried { medium: self.medium, wavelength: self.wavelength, fresh: false };
-        if scene.plan.dispersion && self.wavelength == 0.0 && scene.disperses(shape) {
+    fn carried(&self, scene: &Scene, camera: &CameraSample, surface: &SurfacePoint) -> Carried {
+        let mut carried = Carried {
+            medium: self.medium,
+            wavelength: self.wavelength,
+            footprint: camera.footprint(scene, surface),
+            fresh: false,
+        };
+        if scene.plan.dispersion && self.wavelength == 0.0 && scene.disperses(surface.shape) {
             (carried.wavelength, carried.fresh) = (camera.hue().wavelength, true);
         }
         carried
@@ -144,7 +149,7 @@ impl Path {
                 }
                 return out;
             }
-            let carried = state.carried(scene, camera, surface.shape);
+            let carried = state.carried(scene, camera, &surface);
             let hit = scene.interact(&surface, -state.ray.dir, &carried, &mut room);
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(scene, (camera, &hit), &mut state, record) {

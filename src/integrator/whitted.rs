@@ -46,7 +46,7 @@ impl Whitted {
                 out.alpha = 1.0;
                 first_hit_layers(&mut out, scene, camera, &surface);
                 let left = scene.transmittance(medium, surface.p.distance(camera.ray.origin));
-                out.rgb = left * self.shade(scene, (&surface, medium), &ray, (left, 0), record);
+                out.rgb = left * self.shade(scene, (&surface, medium), (camera, &ray), (left, 0), record);
             }
             None if !self.hide_emitters => {
                 out.rgb = scene.environment(ray.dir) * scene.transmittance(medium, f32::INFINITY);
@@ -69,7 +69,7 @@ impl Whitted {
         &self,
         scene: &Scene,
         (surface, medium): (&SurfacePoint, u32),
-        ray: &Ray,
+        (camera, ray): (&CameraSample, &Ray),
         (beta, bounce): (Rgb, u32),
         record: &mut R,
     ) -> Rgb {
@@ -82,7 +82,7 @@ impl Whitted {
             return radiance;
         }
         let mut room = Scatter::default();
-        let carried = Carried { medium, ..Carried::NOTHING };
+        let carried = Carried { medium, ..camera.carried(scene, surface) };
         let hit = scene.interact(surface, -ray.dir, &carried, &mut room);
         if hit.scatter.has_smooth() {
             radiance += hit.scatter.albedo(hit.wo) * self.ambient(scene);
@@ -90,7 +90,7 @@ impl Whitted {
                 radiance += Self::light(scene, &hit, index, record);
             }
         }
-        radiance + self.branches(scene, &hit, (beta, bounce), record)
+        radiance + self.branches(scene, (camera, &hit), (beta, bounce), record)
     }
 
     /// Light from one source, as if all of it came from its middle.
@@ -119,7 +119,7 @@ impl Whitted {
     fn branches<R: Record>(
         &self,
         scene: &Scene,
-        hit: &Interaction,
+        (camera, hit): (&CameraSample, &Interaction),
         (beta, bounce): (Rgb, u32),
         record: &mut R,
     ) -> Rgb {
@@ -151,7 +151,7 @@ impl Whitted {
                             let surface = scene.surface(&ray, &next);
                             let left = scene.transmittance(medium, surface.p.distance(hit.surface.p));
                             let branch = (beta * weight * left, bounce + 1);
-                            left * self.shade(scene, (&surface, medium), &ray, branch, record)
+                            left * self.shade(scene, (&surface, medium), (camera, &ray), branch, record)
                         }
                         None => scene.environment(wi) * scene.transmittance(medium, f32::INFINITY),
                     };

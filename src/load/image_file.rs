@@ -145,7 +145,7 @@ fn from_dynamic(image: DynamicImage, name: &str) -> Image {
         DynamicImage::ImageLumaA16(i) => Pixels::U16(i.into_raw()),
         DynamicImage::ImageRgb16(i) => Pixels::U16(i.into_raw()),
         DynamicImage::ImageRgba16(i) => Pixels::U16(i.into_raw()),
-        DynamicImage::ImageRgb32F(i) => Pixels::F32(i.into_raw()),
+        DynamicImage::ImageRgb32F(i) => Pixels::from_floats(i.into_raw()),
         other => return from_dynamic(DynamicImage::ImageRgb32F(other.into_rgb32f()), name),
     };
     Image { width, height, channels, pixels, name: name.to_string() }
@@ -204,7 +204,7 @@ fn from_exr(file: ExrFile, name: &str) -> std::result::Result<Image, String> {
         width,
         height,
         channels,
-        pixels: Pixels::F32(data),
+        pixels: Pixels::from_floats(data),
         name: name.to_string(),
     };
     let mut layers: Vec<&str> =

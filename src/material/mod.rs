@@ -19,7 +19,7 @@ pub use scatter::{Carrier, Lobe, Scatter, ScatterSample, Stored};
 
 use crate::bsdf::{Bsdf, Null};
 use crate::math::{Frame, Rgb, Vec2, Vec3};
-use crate::texture::{Attributes, Coords, Texture};
+use crate::texture::{Coords, More, Texture};
 use perturb::Perturbation;
 use surface::Surface;
 
@@ -59,8 +59,8 @@ fn sided<'a>(
 pub struct Point<'a> {
     /// Texture coordinates.
     pub uv: Vec2,
-    /// Attributes of the mesh, if the material reads any.
-    pub attributes: Option<&'a Attributes>,
+    /// What only some textures read, if the material has such.
+    pub more: Option<&'a More>,
     /// Unit direction towards where the path came from, world space.
     pub wo: Vec3,
     /// Geometric normal, unit, world space.
@@ -80,7 +80,7 @@ impl<'a> Point<'a> {
     #[must_use]
     #[inline]
     pub fn coords(&self) -> Coords<'a> {
-        Coords { uv: self.uv, attributes: self.attributes }
+        Coords { uv: self.uv, more: self.more }
     }
 
     /// 1 where glTF's bitangent lies along the frame's `t`, −1 where it lies
@@ -159,6 +159,24 @@ impl Material {
         }
     }
 
+    /// Calls `f` with each of its textures.
+    pub fn visit_textures(&self, f: &mut impl FnMut(&Texture)) {
+        self.visit(&mut |m| match m {
+            Material::Surface(s) => s.textures().into_iter().for_each(&mut *f),
+            Material::Mask(t, _) | Material::Blend(t, _) => f(t),
+            Material::Perturbed(p, _) => f(p.texture()),
+            Material::TwoSided(..) => {}
+        });
+    }
+
+    /// True when some texture of it averages over footprints.
+    #[must_use]
+    pub fn is_filtered(&self) -> bool {
+        let mut found = false;
+        self.visit_textures(&mut |t| t.visit_bitmaps(&mut |b| found |= b.is_filtered()));
+        found
+    }
+
     fn any(&self, test: impl Fn(&Material) -> bool) -> bool {
         let mut found = false;
         self.visit(&mut |m| found |= test(m));
@@ -169,23 +187,17 @@ impl Material {
     /// coordinates are needed.
     #[must_use]
     pub fn needs_uv(&self) -> bool {
-        self.any(|m| match m {
-            Material::Surface(s) => s.textures().iter().any(|t| t.is_constant().is_none()),
-            Material::Mask(t, _) | Material::Blend(t, _) => t.is_constant().is_none(),
-            Material::Perturbed(p, _) => p.needs_uv(),
-            Material::TwoSided(..) => false,
-        })
+        let mut found = false;
+        self.visit_textures(&mut |t| found |= t.is_constant().is_none());
+        found
     }
 
     /// True when some texture of it reads attributes of the mesh.
     #[must_use]
     pub fn needs_attributes(&self) -> bool {
-        self.any(|m| match m {
-            Material::Surface(s) => s.textures().iter().any(|t| t.reads_attributes()),
-            Material::Mask(t, _) | Material::Blend(t, _) => t.reads_attributes(),
-            Material::Perturbed(p, _) => p.texture().reads_attributes(),
-            Material::TwoSided(..) => false,
-        })
+        let mut found = false;
+        self.visit_textures(&mut |t| found |= t.reads_attributes());
+        found
     }
 
     /// True when it depends on the direction of the tangent.
@@ -283,21 +295,6 @@ impl Material {
             }
         });
         names
-    }
-
-    /// Bytes of texture memory that it holds.
-    #[must_use]
-    pub fn memory_bytes(&self) -> usize {
-        let mut bytes = 0;
-        self.visit(&mut |m| {
-            bytes += match m {
-                Material::Surface(s) => s.textures().iter().map(|t| t.memory_bytes()).sum(),
-                Material::Mask(t, _) | Material::Blend(t, _) => t.memory_bytes(),
-                Material::Perturbed(p, _) => p.memory_bytes(),
-                Material::TwoSided(..) => 0,
-            };
-        });
-        bytes
     }
 }
 

@@ -48,16 +48,6 @@ impl Perturbation {
         }
     }
 
-    /// True when the map varies.
-    pub fn needs_uv(&self) -> bool {
-        self.texture().is_constant().is_none()
-    }
-
-    /// Bytes of its texture.
-    pub fn memory_bytes(&self) -> usize {
-        self.texture().memory_bytes()
-    }
-
     /// The perturbed normal in the coordinates of the unperturbed frame, not
     /// normalised.
     fn normal(&self, point: &Point) -> Vec3 {

@@ -20,7 +20,7 @@ pub use motion::{Affine, Motion};
 pub use ray::Ray;
 pub use transform::{Decomposition, Transform};
 
-pub use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Vec2, Vec3, Vec4};
+pub use glam::{DMat3, DMat4, DQuat, DVec3, DVec4, Mat2, Vec2, Vec3, Vec4};
 
 /// Scene-linear RGB (radiance, reflectance or weight, as the name says).
 pub type Rgb = Vec3;

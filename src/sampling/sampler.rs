@@ -110,6 +110,13 @@ impl Sampler {
         Sampler { key, index, reversed: index.reverse_bits(), sequence: Sequence::Sobol }
     }
 
+    /// The number of the sample in its pixel, modulo 2^32.
+    #[must_use]
+    #[inline]
+    pub fn index(&self) -> u32 {
+        self.index
+    }
+
     /// The same numbers' place in another sequence.
     #[must_use]
     pub fn with_sequence(self, sequence: Sequence) -> Sampler {

@@ -1,6 +1,6 @@
 //! From a scene description to a [`Scene`].
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use super::lamps::{Glow, Lamps};
@@ -13,10 +13,10 @@ use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
 use crate::film::FilmSpec;
 use crate::light::{AreaEmission, AreaLight, Beam, Light, emitter_from_desc};
 use crate::material::{Material, MaterialBuilder};
-use crate::math::DVec3;
+use crate::math::{DVec3, Ray, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::shape::{Geometry, GeometryBuilder, ShapeId, ShapeSampler};
-use crate::texture::{Usage, texture_from_desc};
+use crate::texture::{Pyramids, TextureFilter, Usage, texture_from_desc};
 
 /// A light under construction: area lights need the finished geometry.
 pub(super) enum Pending {
@@ -110,6 +110,18 @@ impl Scene {
         root.finish()?;
         builder.finish((camera, camera_motion), film, samples_per_pixel, options)
     }
+}
+
+/// Width of a pixel in the middle of the film: where its ray begins, and how much it
+/// grows per unit of distance. The shorter of its two sides.
+fn pixel_of(camera: &Camera, size: FilmSize) -> [f32; 2] {
+    let middle = Vec2::new(size.width as f32, size.height as f32) * 0.5;
+    let lens = Vec2::splat(0.5);
+    let [from, right, below] =
+        [Vec2::ZERO, Vec2::X, Vec2::Y].map(|step| camera.ray(middle + step - Vec2::splat(0.5), lens, 0.0));
+    let least =
+        |of: fn(&Ray) -> Vec3| (of(&right) - of(&from)).length().min((of(&below) - of(&from)).length());
+    [least(|ray| ray.origin), least(|ray| ray.dir)]
 }
 
 fn one_sensor(root: &Params) -> Result<ObjectId> {
@@ -220,6 +232,7 @@ impl Builder<'_> {
         spp: u64,
         options: &BuildOptions,
     ) -> Result<Scene> {
+        let film_size = FilmSize { width: film.size[0], height: film.size[1] };
         let geometry = std::mem::take(&mut self.geometry).finish();
         let (name, quality) = (options.accel.as_deref(), options.bvh.as_deref());
         if let (Some(other), Some(_)) = (name.filter(|n| *n != "bvh8"), quality) {
@@ -269,10 +282,12 @@ impl Builder<'_> {
         let selection = LightSelection::new(&lights, &geometry, radius);
         self.plan.light_candidates = selection.most_candidates();
         self.plan.light_tree = selection.tree().map(|t| [t.leaf_count(), t.node_count(), t.memory_bytes()]);
+        self.read_textures(options.texture_filter);
         let traits = |m: &Arc<Material>| Traits {
             tangents: m.needs_tangents(),
             two_sided: m.needs_both_sides(),
             attributes: m.needs_attributes(),
+            filtered: m.is_filtered(),
             null: m.has_null(),
             disperses: m.disperses(),
         };
@@ -281,6 +296,7 @@ impl Builder<'_> {
         self.plan.media = self.media.all.len();
         self.finish_plan(&geometry, &accel, &lights, environment.is_some());
         self.material_of_shape.resize(geometry.shapes().len(), 0);
+        let pixel = if self.plan.pyramid_bytes > 0 { pixel_of(&camera, film_size) } else { [0.0; 2] };
         Ok(Scene {
             geometry,
             accel,
@@ -293,6 +309,7 @@ impl Builder<'_> {
             media: self.media,
             selection,
             environment,
+            pixel,
             plan: self.plan,
             recentre: self.recentre,
             materials: self.materials,
@@ -320,6 +337,25 @@ impl Builder<'_> {
         }
     }
 
+    /// Prepares the textures of all materials, and counts each image once.
+    fn read_textures(&mut self, filter: TextureFilter) {
+        let mut pyramids = Pyramids::default();
+        let mut seen = HashSet::new();
+        for material in &self.materials {
+            material.visit_textures(&mut |texture| {
+                texture.visit_bitmaps(&mut |bitmap| {
+                    if filter == TextureFilter::Footprint {
+                        bitmap.filter(&mut pyramids);
+                    }
+                    if seen.insert(bitmap.image()) {
+                        self.plan.texture_bytes += bitmap.memory_bytes();
+                    }
+                });
+            });
+        }
+        self.plan.pyramid_bytes = pyramids.memory_bytes();
+    }
+
     fn finish_plan(&mut self, geometry: &Geometry, accel: &Accel, lights: &[Light], environment: bool) {
         let plan = &mut self.plan;
         plan.triangles = geometry.triangle_count() as usize;
@@ -332,7 +368,6 @@ impl Builder<'_> {
         plan.materials = self.materials.len();
         for material in &self.materials {
             plan.bsdfs.extend(material.kinds());
-            plan.texture_bytes += material.memory_bytes();
         }
         plan.bsdfs.sort_unstable();
         plan.bsdfs.dedup();

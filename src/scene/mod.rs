@@ -29,6 +29,7 @@ use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::shape::{Geometry, Hit, SurfacePoint};
+use crate::texture::{Footprint, More, NO_ATTRIBUTES, TextureFilter};
 
 /// Choices of the command line that go over the scene file.
 #[derive(Clone, Debug, Default)]
@@ -37,6 +38,8 @@ pub struct BuildOptions {
     pub size: Option<[u32; 2]>,
     /// Crop window x, y, width, height in pixels, instead of the file's.
     pub crop: Option<[u32; 4]>,
+    /// How textures are read.
+    pub texture_filter: TextureFilter,
     /// Name of the accelerator; `None` is the default one.
     pub accel: Option<String>,
     /// Name of the quality of its tree; `None` is the default one.
@@ -76,6 +79,8 @@ pub struct Scene {
     pub plan: Plan,
     /// What was subtracted from all world positions.
     pub recentre: DVec3,
+    /// Width of a pixel where a camera ray begins, and more of it per unit of distance.
+    pixel: [f32; 2],
     materials: Vec<Arc<Material>>,
     /// What to know of each of them beforehand.
     traits: Vec<Traits>,
@@ -92,6 +97,8 @@ struct Traits {
     two_sided: bool,
     /// It reads attributes of the mesh.
     attributes: bool,
+    /// It averages over footprints.
+    filtered: bool,
     /// Some light passes straight through.
     null: bool,
     /// It refracts colours apart.
@@ -108,11 +115,14 @@ pub struct Carried {
     pub wavelength: f32,
     /// It has just been drawn: its colour has not been taken into account.
     pub fresh: bool,
+    /// Width of what the sample covers there; 0 for a point.
+    pub footprint: f32,
 }
 
 impl Carried {
     /// White light through empty space.
-    pub const NOTHING: Carried = Carried { medium: Medium::NONE, wavelength: 0.0, fresh: false };
+    pub const NOTHING: Carried =
+        Carried { medium: Medium::NONE, wavelength: 0.0, fresh: false, footprint: 0.0 };
 }
 
 /// A hit with everything that shading needs.
@@ -192,22 +202,29 @@ impl Scene {
         room: &'a mut Scatter<'s>,
     ) -> Interaction<'a, 's> {
         let index = self.material_of_shape[surface.shape as usize] as usize;
-        let Traits { tangents, two_sided, attributes, .. } = self.traits[index];
+        let Traits { tangents, two_sided, attributes, filtered, .. } = self.traits[index];
         let frame = if tangents {
             Frame::from_normal_tangent(surface.ns, surface.dpdu)
         } else {
             Frame::from_normal(surface.ns)
         };
+        let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
         let filled;
-        let attributes = if attributes {
-            filled = self.geometry.attributes(surface);
+        let more = if attributes | filtered {
+            filled = More {
+                attributes: if attributes { self.geometry.attributes(surface) } else { NO_ATTRIBUTES },
+                footprint: if filtered {
+                    Footprint::new(carried.footprint, wo, dpdu, dpdv)
+                } else {
+                    Footprint::POINT
+                },
+            };
             Some(&filled)
         } else {
             None
         };
-        let SurfacePoint { uv, ng, dpdu, dpdv, .. } = *surface;
         let wavelength = carried.wavelength;
-        let point = Point { uv, attributes, wo, ng, frame, dpdu, dpdv, wavelength };
+        let point = Point { uv, more, wo, ng, frame, dpdu, dpdv, wavelength };
         self.materials[index].at(&point, room);
         Interaction { surface, wo, carried, scatter: room, two_sided }
     }
@@ -246,6 +263,13 @@ impl Scene {
             None => ray,
             Some(motion) => motion.carry(&ray),
         }
+    }
+
+    /// Width of the footprint of sample `index` of a pixel at a distance from the
+    /// camera: see [`crate::texture::Footprint`].
+    #[must_use]
+    pub fn footprint(&self, index: u32, distance: f32) -> f32 {
+        (self.pixel[0] + self.pixel[1] * distance) / (index as f32 + 1.0).sqrt()
     }
 
     /// True when the camera moves while the shutter is open.

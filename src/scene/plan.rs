@@ -81,6 +81,8 @@ pub struct Plan {
     pub accel_bytes: usize,
     /// Bytes of textures.
     pub texture_bytes: usize,
+    /// Bytes of their averages over footprints; 0 when none are kept.
+    pub pyramid_bytes: usize,
     /// Name of the accelerator.
     pub accel: &'static str,
     /// What the file calls its sampler; the sequence is ours.
@@ -173,6 +175,10 @@ impl Plan {
         leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
         leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
         leave(!self.dispersion, "dispersion: none; no path has a wavelength".into());
+        leave(
+            self.pyramid_bytes == 0,
+            "texture filter: no image is averaged ahead of time; samples are points".into(),
+        );
         leave(self.media == 0, "media: none; no transmittance is tracked".into());
         out
     }
@@ -247,6 +253,7 @@ impl Plan {
                 "geometry": self.geometry_bytes,
                 "accel": self.accel_bytes,
                 "textures": self.texture_bytes,
+                "texture_means": self.pyramid_bytes,
                 "saved": self.saved_bytes,
             },
             "left_out": self.left_out(),
@@ -300,6 +307,9 @@ impl fmt::Display for Plan {
             self.accel,
             bytes(self.texture_bytes)
         )?;
+        if self.pyramid_bytes > 0 {
+            writeln!(f, "              means of textures over footprints {}", bytes(self.pyramid_bytes))?;
+        }
         writeln!(f, "Left out")?;
         for line in self.left_out() {
             writeln!(f, "  {line}")?;

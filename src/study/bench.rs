@@ -23,6 +23,7 @@ use crate::render::{Monitor, Quiet, RenderOptions, RenderStats, Stopped, TileOrd
 use crate::sampling::Sequence;
 use crate::save::{Header, Options, write_exr};
 use crate::scene::{BuildOptions, Scene};
+use crate::texture::TextureFilter;
 
 /// Samples per pixel when time is the limit: as good as none.
 const MOST_SAMPLES: u64 = 1 << 40;
@@ -322,7 +323,8 @@ impl Subject {
         let mut built: Vec<(Settings, Rc<Built>)> = Vec::new();
         let mut candidates = Vec::new();
         for configuration in configurations {
-            let decides = |key: &str| key == "accel" || key == "bvh" || !KEYS.contains(&key);
+            let decides =
+                |key: &str| matches!(key, "accel" | "bvh" | "texture-filter") || !KEYS.contains(&key);
             let settings: Settings =
                 configuration.settings.iter().filter(|(key, _)| decides(key)).cloned().collect();
             let scene = match built.iter().find(|(other, _)| *other == settings) {
@@ -428,6 +430,10 @@ impl Built {
             crop: plan.crop,
             accel: configuration.get("accel").map(str::to_owned),
             bvh: configuration.get("bvh").map(str::to_owned),
+            texture_filter: configuration
+                .get("texture-filter")
+                .and_then(TextureFilter::named)
+                .unwrap_or_default(),
         };
         let scene = Scene::build(&desc, &options)?;
         let own = Integrator::from_desc(&desc, &IntegratorOptions::default())?;

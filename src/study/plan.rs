@@ -38,9 +38,10 @@ use serde::Deserialize;
 
 use crate::desc::{Error, Pos, Result, nearest};
 use crate::sampling::Sequence;
+use crate::texture::TextureFilter;
 
 /// What `vary` knows beside parameters of scene files.
-pub const KEYS: [&str; 5] = ["integrator", "sampler", "accel", "bvh", "max-depth"];
+pub const KEYS: [&str; 6] = ["integrator", "sampler", "accel", "bvh", "max-depth", "texture-filter"];
 
 /// Rungs below the largest of a ladder of seconds.
 const TIME_RUNGS: u32 = 6;
@@ -379,6 +380,12 @@ impl Plan {
                 return Err(
                     Error::new(format!("there is no sampler `{bad}`")).hint(format!("there are {known}"))
                 );
+            }
+            if key == "texture-filter"
+                && let Some(bad) = values.iter().find(|v| TextureFilter::named(v).is_none())
+            {
+                return Err(Error::new(format!("there is no texture filter `{bad}`"))
+                    .hint(format!("there are {}", TextureFilter::names())));
             }
             if key == "max-depth"
                 && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())

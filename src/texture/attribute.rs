@@ -27,3 +27,6 @@ pub const MAX_ATTRIBUTES: usize = 4;
 
 /// The attributes of a point, by slot.
 pub type Attributes = [Vec4; MAX_ATTRIBUTES];
+
+/// What there is where nobody has filled them in.
+pub const NO_ATTRIBUTES: Attributes = [Vec4::ZERO; MAX_ATTRIBUTES];

@@ -6,12 +6,13 @@
 //! Mitsuba stores images of 16 bits and fewer in half precision unless told
 //! otherwise; texels here keep the precision of the file, 2⁻¹¹ nearer to it.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
+use super::pyramid::{Probes, Pyramids};
 use super::texels::Texels;
 use super::{Coords, UvMap, example_image, scalar};
 use crate::desc::{Image, Result};
-use crate::math::{Rgb, Transform, Vec2};
+use crate::math::{Mat2, Rgb, Transform, Vec2};
 use crate::sampling::Raster;
 
 /// How a bitmap is looked up between texel centres.
@@ -60,6 +61,16 @@ pub struct Bitmap {
     mean: Rgb,
     max: f32,
     uniform: Option<Rgb>,
+    /// Means over ever more texels, where they are asked for.
+    coarser: OnceLock<Coarser>,
+}
+
+/// The upper levels of a pyramid.
+#[derive(Clone, Debug)]
+struct Coarser {
+    levels: Vec<Texels>,
+    /// The sides of a texel of the lowest level in (u, v).
+    texel: [Vec2; 2],
 }
 
 /// How to read an image: everything of a bitmap but the image.
@@ -101,6 +112,7 @@ impl Bitmap {
             mean: summary.mean * lookup.scale,
             max: summary.max * lookup.scale.max_element(),
             uniform: summary.uniform.map(|c| c * lookup.scale),
+            coarser: OnceLock::new(),
         })
     }
 
@@ -135,17 +147,28 @@ impl Bitmap {
         self.scale
             * match self.filter_type {
                 FilterType::Nearest => {
-                    let p = (uv * self.resolution()).floor();
+                    let p = (uv * resolution(&self.texels)).floor();
                     self.texels.rgb(
                         wrap(self.wrap[0], p.x as i64, self.texels.width()),
                         wrap(self.wrap[1], p.y as i64, self.texels.height()),
                     )
                 }
-                FilterType::Bilinear => {
-                    let Corners { values: [v00, v10, v01, v11], w } = self.corners(uv);
-                    (v00 * (1.0 - w.x) + v10 * w.x) * (1.0 - w.y) + (v01 * (1.0 - w.x) + v11 * w.x) * w.y
-                }
+                FilterType::Bilinear => match self.probes(at) {
+                    None => self.bilinear(&self.texels, uv),
+                    Some((texels, probes)) => {
+                        let step = probes.step / resolution(&self.texels);
+                        let from = uv - step * (0.5 * (probes.count - 1) as f32);
+                        let sum: Rgb =
+                            (0..probes.count).map(|i| self.bilinear(texels, from + step * i as f32)).sum();
+                        sum / probes.count as f32
+                    }
+                },
             }
+    }
+
+    fn bilinear(&self, texels: &Texels, uv: Vec2) -> Rgb {
+        let Corners { values: [v00, v10, v01, v11], w } = self.corners(texels, uv);
+        (v00 * (1.0 - w.x) + v10 * w.x) * (1.0 - w.y) + (v01 * (1.0 - w.x) + v11 * w.x) * w.y
     }
 
     pub(super) fn eval_scalar(&self, at: &Coords) -> f32 {
@@ -156,13 +179,14 @@ impl Bitmap {
         if self.filter_type == FilterType::Nearest {
             return (0.0, 0.0);
         }
-        let Corners { values, w } = self.corners(self.to_uv.map(self.uv(at)));
+        let level = self.probes(at).map_or(&self.texels, |(texels, _)| texels);
+        let Corners { values, w } = self.corners(level, self.to_uv.map(self.uv(at)));
         let [f00, f10, f01, f11] = values.map(|v| scalar(v * self.scale));
         let per_texel = Vec2::new(
             (1.0 - w.y) * (f10 - f00) + w.y * (f11 - f01),
             (1.0 - w.x) * (f01 - f00) + w.x * (f11 - f10),
         );
-        self.to_uv.pull_back(per_texel * self.resolution())
+        self.to_uv.pull_back(per_texel * resolution(level))
     }
 
     pub(super) fn mean(&self) -> Rgb {
@@ -177,7 +201,9 @@ impl Bitmap {
         self.uniform
     }
 
-    pub(super) fn memory_bytes(&self) -> usize {
+    /// Bytes of its image.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
         self.texels.memory_bytes()
     }
 
@@ -195,19 +221,56 @@ impl Bitmap {
         Some(Raster { map, bilinear: self.filter_type == FilterType::Bilinear })
     }
 
-    fn resolution(&self) -> Vec2 {
-        Vec2::new(self.texels.width() as f32, self.texels.height() as f32)
+    /// Keeps means over ever more texels from now on, unless a footprint in
+    /// (u, v) says nothing about it or there is nothing to average.
+    pub fn filter(&self, pyramids: &mut Pyramids) {
+        let smooth = self.filter_type == FilterType::Bilinear && self.uv_slot.is_none();
+        let rows = [Vec2::X, Vec2::Y].map(|axis| Vec2::from(self.to_uv.pull_back(axis)));
+        let map = Mat2::from_cols(rows[0], rows[1]).transpose();
+        let texel = map.inverse() * Mat2::from_diagonal(resolution(&self.texels).recip());
+        if !smooth || self.uniform.is_some() || !texel.is_finite() {
+            return;
+        }
+        let levels = pyramids.of(&self.texels).iter().map(|level| self.texels.of_level(level)).collect();
+        self.coarser.get_or_init(|| Coarser { levels, texel: [texel.x_axis, texel.y_axis] });
     }
 
-    fn corners(&self, uv: Vec2) -> Corners {
-        let p = uv * self.resolution() - Vec2::splat(0.5);
+    /// True when it averages over footprints.
+    #[must_use]
+    pub fn is_filtered(&self) -> bool {
+        self.coarser.get().is_some()
+    }
+
+    /// Its image, while that is alive.
+    pub(crate) fn image(&self) -> *const Image {
+        self.texels.key().0
+    }
+
+    /// Which texels to average for a footprint, if any.
+    #[inline]
+    fn probes(&self, at: &Coords) -> Option<(&Texels, Probes)> {
+        let (more, coarser) = (at.more?, self.coarser.get()?);
+        let probes = more.footprint.probes(&coarser.texel)?;
+        let texels = match probes.level {
+            0 => &self.texels,
+            level => coarser.levels.get(level - 1).or(coarser.levels.last()).unwrap_or(&self.texels),
+        };
+        Some((texels, probes))
+    }
+
+    fn corners(&self, texels: &Texels, uv: Vec2) -> Corners {
+        let p = uv * resolution(texels) - Vec2::splat(0.5);
         let cell = p.floor();
         let (x, y) = (cell.x as i64, cell.y as i64);
-        let xs = [x, x.saturating_add(1)].map(|x| wrap(self.wrap[0], x, self.texels.width()));
-        let ys = [y, y.saturating_add(1)].map(|y| wrap(self.wrap[1], y, self.texels.height()));
-        let at = |i: usize, j: usize| self.texels.rgb(xs[i], ys[j]);
+        let xs = [x, x.saturating_add(1)].map(|x| wrap(self.wrap[0], x, texels.width()));
+        let ys = [y, y.saturating_add(1)].map(|y| wrap(self.wrap[1], y, texels.height()));
+        let at = |i: usize, j: usize| texels.rgb(xs[i], ys[j]);
         Corners { values: [at(0, 0), at(1, 0), at(0, 1), at(1, 1)], w: p - cell }
     }
+}
+
+fn resolution(texels: &Texels) -> Vec2 {
+    Vec2::new(texels.width() as f32, texels.height() as f32)
 }
 
 /// The texel that stands for texel `i` of an axis.

@@ -74,7 +74,8 @@ impl Checkerboard {
         self.color0.is_constant().filter(|c| self.color1.is_constant() == Some(*c))
     }
 
-    pub(super) fn memory_bytes(&self) -> usize {
-        self.color0.memory_bytes() + self.color1.memory_bytes()
+    pub(super) fn visit_bitmaps<'a, F: FnMut(&'a Bitmap)>(&'a self, f: &mut F) {
+        self.color0.visit_bitmaps(f);
+        self.color1.visit_bitmaps(f);
     }
 }

@@ -17,12 +17,14 @@ mod attribute;
 mod bitmap;
 mod checkerboard;
 mod parse;
+mod pyramid;
 mod texels;
 
-pub use attribute::{Attribute, Attributes, MAX_ATTRIBUTES};
+pub use attribute::{Attribute, Attributes, MAX_ATTRIBUTES, NO_ATTRIBUTES};
 pub use bitmap::{Bitmap, FilterType, WrapMode};
 pub use checkerboard::Checkerboard;
 pub use parse::{Usage, attribute_texture, texture_from_desc, texture_param, texture_param_opt};
+pub use pyramid::{Footprint, Pyramids};
 pub use texels::Texels;
 
 use std::sync::Arc;
@@ -47,24 +49,68 @@ kinds! {
     }
 }
 
+/// How textures are read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TextureFilter {
+    /// At a point.
+    #[default]
+    Point,
+    /// Averaged over the part of a pixel that a sample stands for.
+    Footprint,
+}
+
+impl TextureFilter {
+    const ALL: [TextureFilter; 2] = [TextureFilter::Point, TextureFilter::Footprint];
+
+    /// The one of that name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<TextureFilter> {
+        Self::ALL.into_iter().find(|filter| filter.name() == name)
+    }
+
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            TextureFilter::Point => "point",
+            TextureFilter::Footprint => "footprint",
+        }
+    }
+
+    /// All names, for messages.
+    #[must_use]
+    pub fn names() -> String {
+        Self::ALL.map(TextureFilter::name).join(", ")
+    }
+}
+
 /// Where a texture is looked up.
 #[derive(Clone, Copy, Debug)]
 pub struct Coords<'a> {
     /// Texture coordinates.
     pub uv: Vec2,
-    /// Attributes of the mesh, if somebody has filled them in: zero without.
-    pub attributes: Option<&'a Attributes>,
+    /// What more is known of the point.
+    pub more: Option<&'a More>,
+}
+
+/// What only some textures read of a point.
+#[derive(Clone, Copy, Debug)]
+pub struct More {
+    /// Attributes of the mesh, zero if nobody has filled them in.
+    pub attributes: Attributes,
+    /// The footprint of the sample.
+    pub footprint: Footprint,
 }
 
 impl From<Vec2> for Coords<'_> {
     fn from(uv: Vec2) -> Self {
-        Coords { uv, attributes: None }
+        Coords { uv, more: None }
     }
 }
 
 impl Coords<'_> {
     fn attribute(&self, slot: u8) -> Vec4 {
-        self.attributes.and_then(|a| a.get(usize::from(slot))).copied().unwrap_or(Vec4::ZERO)
+        self.more.and_then(|m| m.attributes.get(usize::from(slot))).copied().unwrap_or(Vec4::ZERO)
     }
 }
 
@@ -161,10 +207,17 @@ impl Texture {
     /// here too).
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
+        let mut bytes = 0;
+        self.visit_bitmaps(&mut |bitmap| bytes += bitmap.memory_bytes());
+        bytes
+    }
+
+    /// Calls `f` with each bitmap in it.
+    pub fn visit_bitmaps<'a>(&'a self, f: &mut impl FnMut(&'a Bitmap)) {
         match self {
-            Texture::Constant(_) | Texture::Attribute(_) => 0,
-            Texture::Bitmap(t) => t.memory_bytes(),
-            Texture::Checkerboard(t) => t.memory_bytes(),
+            Texture::Constant(_) | Texture::Attribute(_) => {}
+            Texture::Bitmap(t) => f(t),
+            Texture::Checkerboard(t) => t.visit_bitmaps(f),
         }
     }
 

@@ -6,6 +6,8 @@
 
 use std::sync::{Arc, LazyLock};
 
+use half::f16;
+
 use crate::color::srgb_to_linear;
 use crate::desc::{Error, Image, Pixels, Result};
 use crate::math::{DVec3, Rgb};
@@ -19,11 +21,23 @@ fn table(max: u32, decode: impl Fn(f32) -> f32) -> Vec<f32> {
     (0..=max).map(|i| decode(i as f32 / max as f32)).collect()
 }
 
+/// A finite half: its bits moved to where those of a float are, and the
+/// difference of the exponents' biases multiplied in, which is right for
+/// subnormal ones too. (The crate's own asks what the machine can do each time.)
+#[inline]
+fn decode_half(x: f16) -> f32 {
+    const BIASES: f32 = f32::from_bits((127 + 127 - 15) << 23);
+    let bits = u32::from(x.to_bits());
+    f32::from_bits(((bits & 0x8000) << 16) | ((bits & 0x7fff) << 13)) * BIASES
+}
+
 /// An image as linear RGB texels; row 0 is the top row.
 #[derive(Clone, Debug)]
 pub struct Texels {
     image: Arc<Image>,
     decode: &'static [f32],
+    /// Integers are taken as they are.
+    raw: bool,
     /// The one channel that is read.
     only: Option<u8>,
 }
@@ -48,11 +62,12 @@ impl Texels {
             (Pixels::U8(_), true) => &RAW_8,
             (Pixels::U16(_), false) => &SRGB_16,
             (Pixels::U16(_), true) => &RAW_16,
-            (Pixels::F32(_), _) => &[],
+            (Pixels::F16(_) | Pixels::F32(_), _) => &[],
         };
         let samples = match &image.pixels {
             Pixels::U8(v) => v.len(),
             Pixels::U16(v) => v.len(),
+            Pixels::F16(v) => v.len(),
             Pixels::F32(v) => v.len(),
         };
         let Image { width, height, channels, .. } = *image;
@@ -65,7 +80,7 @@ impl Texels {
             ))
             .hint("an image needs at least one pixel and 1 to 4 channels"));
         }
-        Ok(Texels { image, decode, only: None })
+        Ok(Texels { image, decode, raw, only: None })
     }
 
     /// The same with one channel (0 to 3 for red to alpha) in all three
@@ -109,6 +124,45 @@ impl Texels {
         self.image.channels <= 2 || self.only.is_some()
     }
 
+    /// Samples per texel in the image.
+    pub(super) fn channels(&self) -> usize {
+        self.image.channels as usize
+    }
+
+    /// What tells the image, and how it is decoded, from others while it is alive.
+    pub(super) fn key(&self) -> (*const Image, bool) {
+        (Arc::as_ptr(&self.image), self.raw)
+    }
+
+    /// The same channels of another image, whose samples are linear.
+    pub(super) fn of_level(&self, level: &Arc<Image>) -> Texels {
+        Texels { image: level.clone(), decode: &[], ..*self }
+    }
+
+    /// All samples of texel (`x`, `y`), linear, whatever channels are read; zero
+    /// beyond what the image has.
+    pub(super) fn stored(&self, x: u32, y: u32) -> [f32; 4] {
+        let channels = self.channels();
+        let i = (y as usize * self.image.width as usize + x as usize) * channels;
+        let (colors, alpha) = match &self.image.pixels {
+            Pixels::U8(_) => (if self.raw { &RAW_8 } else { &SRGB_8 }, &RAW_8),
+            Pixels::U16(_) => (if self.raw { &RAW_16 } else { &SRGB_16 }, &RAW_16),
+            Pixels::F16(_) | Pixels::F32(_) => (&RAW_8, &RAW_8),
+        };
+        std::array::from_fn(|c| {
+            if c >= channels {
+                return 0.0;
+            }
+            let table = if channels % 2 == 0 && c == channels - 1 { alpha } else { colors };
+            match &self.image.pixels {
+                Pixels::U8(v) => table[usize::from(v[i + c])],
+                Pixels::U16(v) => table[usize::from(v[i + c])],
+                Pixels::F16(v) => decode_half(v[i + c]),
+                Pixels::F32(v) => v[i + c],
+            }
+        })
+    }
+
     /// The name of the image, as the user would name it.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -124,40 +178,29 @@ impl Texels {
         let channels = self.image.channels as usize;
         let i = (y as usize * self.image.width as usize + x as usize) * channels;
         if let Some(only) = self.only {
-            let i = i + usize::from(only);
-            return Rgb::splat(match &self.image.pixels {
-                Pixels::U8(v) => self.decode[usize::from(v[i])],
-                Pixels::U16(v) => self.decode[usize::from(v[i])],
-                Pixels::F32(v) => v[i],
-            });
-        }
-        if channels >= 3 {
-            match &self.image.pixels {
-                Pixels::U8(v) => {
-                    Rgb::from_array([v[i], v[i + 1], v[i + 2]].map(|s| self.decode[usize::from(s)]))
-                }
-                Pixels::U16(v) => {
-                    Rgb::from_array([v[i], v[i + 1], v[i + 2]].map(|s| self.decode[usize::from(s)]))
-                }
-                Pixels::F32(v) => Rgb::new(v[i], v[i + 1], v[i + 2]),
-            }
+            Rgb::splat(self.read::<1>(i + usize::from(only))[0])
+        } else if channels >= 3 {
+            Rgb::from_array(self.read(i))
         } else {
-            Rgb::splat(match &self.image.pixels {
-                Pixels::U8(v) => self.decode[usize::from(v[i])],
-                Pixels::U16(v) => self.decode[usize::from(v[i])],
-                Pixels::F32(v) => v[i],
-            })
+            Rgb::splat(self.read::<1>(i)[0])
+        }
+    }
+
+    /// The samples from the `i`th on, decoded.
+    #[inline]
+    fn read<const N: usize>(&self, i: usize) -> [f32; N] {
+        match &self.image.pixels {
+            Pixels::U8(v) => std::array::from_fn(|c| self.decode[usize::from(v[i + c])]),
+            Pixels::U16(v) => std::array::from_fn(|c| self.decode[usize::from(v[i + c])]),
+            Pixels::F16(v) => std::array::from_fn(|c| decode_half(v[i + c])),
+            Pixels::F32(v) => std::array::from_fn(|c| v[i + c]),
         }
     }
 
     /// Bytes of the image.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
-        match &self.image.pixels {
-            Pixels::U8(v) => v.len(),
-            Pixels::U16(v) => 2 * v.len(),
-            Pixels::F32(v) => 4 * v.len(),
-        }
+        self.image.pixels.bytes()
     }
 
     /// Fails on the first texel, in reading order, that is not finite or has a
@@ -199,5 +242,20 @@ impl Texels {
         let count = f64::from(self.width()) * f64::from(self.height());
         let mean = if uniform { first } else { (sum / count).as_vec3() };
         Summary { mean, max, uniform: uniform.then_some(first) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_decoded_exactly() {
+        for bits in 0..=u16::MAX {
+            let half = f16::from_bits(bits);
+            if half.is_finite() {
+                assert_eq!(decode_half(half).to_bits(), half.to_f32().to_bits(), "{bits:#06x}");
+            }
+        }
     }
 }

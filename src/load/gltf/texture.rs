@@ -7,6 +7,7 @@
 use std::collections::{BTreeSet, HashMap};
 use std::sync::Arc;
 
+use half::f16;
 use rayon::prelude::*;
 
 use super::super::{LoadOptions, files, image_file};
@@ -334,7 +335,7 @@ impl Recipe {
 fn linear(image: &Image, index: usize) -> [f32; 4] {
     let [r, g, b, a] = texel(image, index);
     match image.pixels {
-        Pixels::F32(_) => [r, g, b, a],
+        Pixels::F16(_) | Pixels::F32(_) => [r, g, b, a],
         _ => [srgb_to_linear(r), srgb_to_linear(g), srgb_to_linear(b), a],
     }
 }
@@ -345,6 +346,7 @@ pub fn texel(image: &Image, index: usize) -> [f32; 4] {
     let at = |c: usize| match &image.pixels {
         Pixels::U8(p) => f32::from(p[index * channels + c]) / 255.0,
         Pixels::U16(p) => f32::from(p[index * channels + c]) / 65535.0,
+        Pixels::F16(p) => p[index * channels + c].to_f32(),
         Pixels::F32(p) => p[index * channels + c],
     };
     match channels {
@@ -364,6 +366,7 @@ pub fn has_alpha(image: &Image) -> bool {
     match &image.pixels {
         Pixels::U8(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u8::MAX),
         Pixels::U16(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != u16::MAX),
+        Pixels::F16(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != f16::ONE),
         Pixels::F32(p) => p.chunks_exact(channels).any(|c| c[channels - 1] != 1.0),
     }
 }
@@ -455,11 +458,6 @@ fn decode(source: &Source, index: usize, options: &LoadOptions, budget: &Budget)
         .map_or(0, |(width, height)| u64::from(width).saturating_mul(u64::from(height)).saturating_mul(4));
     budget.take(least, &place)?;
     let image = image_file::decode_bytes(&bytes, &name, limits).map_err(|e| wrap(&place, e))?;
-    let size = match &image.pixels {
-        Pixels::U8(p) => p.len(),
-        Pixels::U16(p) => 2 * p.len(),
-        Pixels::F32(p) => 4 * p.len(),
-    };
-    budget.take((size as u64).saturating_sub(least), &place)?;
+    budget.take((image.pixels.bytes() as u64).saturating_sub(least), &place)?;
     Ok(image)
 }
