@@ -186,7 +186,6 @@ fn radiance(scene: &SceneDesc) -> Vec<f32> {
     let Some(Value::Image(image)) = param(map, "image") else { panic!("no image") };
     match &scene.images[*image as usize].pixels {
         Pixels::F16(p) => p.iter().map(|v| v.to_f32()).collect(),
-        Pixels::F16(p) => p.iter().map(|v| v.to_f32()).collect(),
         Pixels::F32(p) => p.clone(),
         Pixels::U8(p) => p.iter().map(|v| f32::from(*v) / 255.0).collect(),
         Pixels::U16(p) => p.iter().map(|v| f32::from(*v) / 65535.0).collect(),

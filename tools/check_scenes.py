@@ -3,6 +3,7 @@
 
     tools/check_scenes.py target/release/etendue FOLDER [--only PART] [--csv FILE] [--mitsuba]
     tools/check_scenes.py target/release/etendue SCENE.xml --mitsuba -D resx=96 -D resy=54
+    tools/check_scenes.py target/release/etendue FOLDER --mitsuba --scenes [--width 96]
 
 FOLDER holds scenes `…/test_NAME_INTEGRATOR.xml` and beside them
 `refs/test_NAME_ref_rgb.exr` with `…_var.exr`, as Mitsuba's own test data does.
@@ -24,7 +25,9 @@ then and there, 16 seeds of as many samples (pip install mitsuba; scalar_rgb, or
 llvm_ad_rgb where DRJIT_LIBLLVM_PATH is set): Welch's t of two means with the
 scatter of both, and differences count from 1e-4 on. References in a folder may
 be of another Mitsuba: these have a tint of 0.1 % in red, and their film is a
-float one. One scene file alone is judged in this way only.
+float one. One scene file alone is judged in this way only, and so is, after the
+render tests, each `scene.xml` below FOLDER with --scenes, with its parameters
+`resx` and `resy` made small. Those whose media scatter are left out, and listed.
 
 Prints one line per scene and exits 1 when one fails.
 """
@@ -32,6 +35,7 @@ import argparse
 import csv
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -137,17 +141,55 @@ def judge(pictures, reference, variance, ref_spp, spp):
     return accepted, levels, relative
 
 
-def single(args):
-    """One scene file against Mitsuba."""
+def against_mitsuba(program, scene, spp, defines):
+    """One scene file against Mitsuba: levels, what the mean is off by, its noise; or a message."""
     with tempfile.TemporaryDirectory() as folder:
-        ours = [render(args.program, args.folder, args.spp, s, "", folder, args.define) for s in range(SEEDS)]
+        ours = [render(program, scene, spp, s, "", folder, defines) for s in range(SEEDS)]
     if isinstance(ours[0], str):
-        sys.exit(ours[0])
-    p, off, noise = judge_pair(np.array(ours), render_mitsuba(args.folder, args.spp, "", args.define))
+        return ours[0]
+    return judge_pair(np.array(ours), render_mitsuba(scene, spp, "", defines))
+
+
+def single(args):
+    found = against_mitsuba(args.program, args.folder, args.spp, args.define)
+    if isinstance(found, str):
+        sys.exit(found)
+    p, off, noise = found
     fine = min(p.values()) > 1e-3
     print(f"{args.folder}: {SEEDS} x {args.spp} spp, p mean {p['mean']:.3g}, p blocks {p['blocks']:.3g}, "
           f"mean off by {100 * off:+.3f} % +- {100 * noise:.3f} %: {'pass' if fine else 'FAIL'}")
     sys.exit(0 if fine else 1)
+
+
+def scenes(args):
+    """Every `scene.xml` below the folder, small; how many there were and failed, and those with media."""
+    rows, failed, media = 0, 0, []
+    print("| scene | spp | p mean | p blocks | mean off by | verdict |\n|-|-|-|-|-|-|")
+    for scene in sorted(args.folder.rglob("scene.xml")):
+        name = scene.parent.name
+        if args.only not in name:
+            continue
+        text = scene.read_text()
+        size = [re.search(rf'<default name="{axis}" value="(\d+)"', text) for axis in ("resx", "resy")]
+        if not all(size):
+            continue
+        width, height = (int(found[1]) for found in size)
+        small = [f"resx={args.width}", f"resy={max(args.width * height // width // 2 * 2, 2)}"]
+        found = against_mitsuba(args.program, scene, args.spp, small + args.define)
+        if isinstance(found, str):
+            if "scatter" in found:
+                media.append(name)
+            else:
+                print(f"| {name} | | | | | NOT RENDERED: {found} |", flush=True)
+                failed += 1
+            continue
+        p, off, noise = found
+        fine = min(p.values()) > 1e-3
+        rows, failed = rows + 1, failed + (not fine)
+        print(f"| {name} | {SEEDS * args.spp} | {p['mean']:.3g} | {p['blocks']:.3g} | "
+              f"{100 * off:+.3f} % +- {100 * noise:.3f} % | {'pass' if fine else 'FAIL'} |", flush=True)
+    print(f"{rows} scenes, {failed} failed; with media, left out: {', '.join(media) or 'none'}")
+    return failed
 
 
 def main():
@@ -159,7 +201,9 @@ def main():
     parser.add_argument("--ref-spp", type=int, default=32000)
     parser.add_argument("--samples", type=float, default=2e6)
     parser.add_argument("--mitsuba", action="store_true")
-    parser.add_argument("--spp", type=int, default=256, help="of each seed, for a single scene")
+    parser.add_argument("--spp", type=int, default=256, help="of each seed, for a single scene and --scenes")
+    parser.add_argument("--scenes", action="store_true")
+    parser.add_argument("--width", type=int, default=96, help="in pixels, for --scenes")
     parser.add_argument("-D", dest="define", action="append", default=[], metavar="NAME=VALUE")
     args = parser.parse_args()
     if args.folder.is_file():
@@ -199,6 +243,8 @@ def main():
     if args.csv:
         with open(args.csv, "w", newline="") as file:
             csv.writer(file).writerows([["scene", "spp", "accepted", "p_mean", "p_blocks", "off", "verdict"]] + rows)
+    if args.scenes:
+        failed += scenes(args)
     sys.exit(1 if failed else 0)
 
 

@@ -153,7 +153,7 @@ impl Texels {
             if c >= channels {
                 return 0.0;
             }
-            let table = if channels % 2 == 0 && c == channels - 1 { alpha } else { colors };
+            let table = if channels.is_multiple_of(2) && c == channels - 1 { alpha } else { colors };
             match &self.image.pixels {
                 Pixels::U8(v) => table[usize::from(v[i + c])],
                 Pixels::U16(v) => table[usize::from(v[i + c])],
