@@ -6,6 +6,7 @@
 //! `SurfaceInteraction3f` of zeros with `uv` set.
 
 #![allow(clippy::excessive_precision, reason = "reference numbers stand as they were printed")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should stop there")]
 
 #[path = "common/describe.rs"]
 mod describe;

@@ -12,6 +12,7 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use crate::math::{Bounds, Vec3};
+use crate::shape::Geometry;
 
 /// Below this depth halves are split in the middle, which bounds the depth of
 /// any tree by [`MAX_DEPTH`].
@@ -162,9 +163,33 @@ pub struct Costs {
     pub leaf: usize,
     /// A leaf of at most this many is made without asking for its cost.
     pub small: usize,
-    /// Primitives from this id on are tested one by one: no leaf is made of
-    /// several when one is among them.
-    pub single_from: u32,
+    /// Primitives that are tested one by one: no leaf is made of several when one
+    /// is among them.
+    pub singles: Singles,
+}
+
+/// Primitives that are tested one by one.
+#[derive(Clone, Copy, Debug)]
+pub struct Singles {
+    first: u32,
+    /// Those from `first` on that are not: the ends of their ids.
+    but: [u32; 2],
+}
+
+impl Singles {
+    /// No primitive.
+    pub const NONE: Singles = Singles { first: u32::MAX, but: [u32::MAX; 2] };
+
+    /// All but triangles, still or deforming.
+    pub fn of(geometry: &Geometry) -> Singles {
+        let deforming = geometry.deforming();
+        Singles { first: geometry.triangle_count(), but: [deforming.start, deforming.end] }
+    }
+
+    #[inline(always)]
+    pub fn has(self, prim: u32) -> bool {
+        prim >= self.first && !(self.but[0] <= prim && prim < self.but[1])
+    }
 }
 
 impl Costs {
@@ -178,7 +203,7 @@ impl Costs {
     #[inline(always)]
     fn fit(&self, items: &[Item]) -> bool {
         items.len() <= self.leaf
-            && (items.len() == 1 || items.iter().all(|item| item.prim() < self.single_from))
+            && (items.len() == 1 || !items.iter().any(|item| self.singles.has(item.prim())))
     }
 }
 

@@ -3,7 +3,7 @@
 //! leaves.
 
 use super::Nearest;
-use super::build::{Costs, MAX_DEPTH, Tree, TreeNode, build};
+use super::build::{Costs, MAX_DEPTH, Singles, Tree, TreeNode, build};
 use super::ground::{Ground, Slice};
 use super::simd::{BoxTest, Portable, Task};
 use super::stats::Stats;
@@ -48,7 +48,7 @@ const COUNT_SHIFT: u32 = 29;
 const INDEX_MASK: u32 = (1 << COUNT_SHIFT) - 1;
 
 /// A node against one primitive test.
-const COSTS: Costs = Costs { node: 1.0, block_log: 0, leaf: 4, small: 1, single_from: u32::MAX };
+const COSTS: Costs = Costs { node: 1.0, block_log: 0, leaf: 4, small: 1, singles: Singles::NONE };
 
 /// A primitive in a leaf. Analytic ones leave the vertices unused.
 #[derive(Clone, Copy, Debug)]

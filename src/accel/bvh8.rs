@@ -8,7 +8,7 @@
 //! and in AVX2, and give the same bits.
 
 use super::Nearest;
-use super::build::{Costs, build};
+use super::build::{Costs, Singles, build};
 use super::collapse::{Wide, collapse};
 use super::ground::{Ground, Slice};
 use super::reinsert::{Effort, improve};
@@ -23,6 +23,8 @@ use crate::shape::{Geometry, Hit};
 #[derive(Clone, Debug)]
 pub struct Bvh8 {
     wide: Wide,
+    /// When its boxes begin and end to move, if they do.
+    times: Option<[f32; 2]>,
     bounds: Bounds,
     /// The largest absolute value of a coordinate.
     size: f32,
@@ -66,8 +68,8 @@ impl Quality {
             Quality::Fast => LANES,
             Quality::High => LANES / 2,
         };
-        let single_from = geometry.triangle_count();
-        Costs { node: 0.3, block_log: LANES.ilog2(), leaf, small: leaf, single_from }
+        let singles = Singles::of(geometry);
+        Costs { node: 0.3, block_log: LANES.ilog2(), leaf, small: leaf, singles }
     }
 }
 
@@ -83,16 +85,18 @@ impl Bvh8 {
     }
 
     pub(super) fn of(geometry: &Geometry, slice: Slice, quality: Quality) -> Result<Bvh8> {
-        let mut items = slice.items(geometry);
+        // What deforms stands in a group; if it should not, its boxes hold all of its way.
+        let moving = slice.deforms(geometry);
+        let mut items = if moving { slice.middle() } else { slice }.items(geometry);
         let tree = build(&mut items, quality.costs(geometry)).compact();
-        let plain = || collapse(geometry, &items, &tree, PRICE);
+        let plain = || collapse(geometry, (&items, slice), &tree, PRICE);
         let wide = match quality {
             Quality::Fast => plain(),
             Quality::High => {
                 let mut better = tree.clone();
                 improve(&mut better, EFFORT);
                 // Reinsertion does not bound the depth; the builder does.
-                let wide = collapse(geometry, &items, &better.compact(), PRICE);
+                let wide = collapse(geometry, (&items, slice), &better.compact(), PRICE);
                 if wide.fits(Stack::SIZE) { wide } else { plain() }
             }
         };
@@ -103,6 +107,7 @@ impl Bvh8 {
         Ok(Bvh8 {
             stats: stats(&wide, &bounds),
             wide,
+            times: moving.then_some(slice.times),
             bounds,
             size: bounds.min.abs().max(bounds.max.abs()).max_element(),
             #[cfg(target_arch = "x86_64")]
@@ -112,12 +117,34 @@ impl Bvh8 {
 
     #[inline]
     pub(super) fn closest(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
-        self.run(Closest { bvh: self, ground, ray })
+        self.run(Closest::<false> { bvh: self, ground, ray, share: 0.0 })
+    }
+
+    /// The same where things may deform.
+    pub(super) fn closest_inside(&self, ground: &Ground<'_>, ray: &Ray) -> Option<Hit> {
+        match self.share(ray.time) {
+            None => self.closest(ground, ray),
+            Some(share) => self.run(Closest::<true> { bvh: self, ground, ray, share }),
+        }
     }
 
     #[inline]
     pub(super) fn occluded(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
-        self.run(Occluded { bvh: self, ground, ray })
+        self.run(Occluded::<false> { bvh: self, ground, ray, share: 0.0 })
+    }
+
+    /// The same where things may deform.
+    pub(super) fn occluded_inside(&self, ground: &Ground<'_>, ray: &Ray) -> bool {
+        match self.share(ray.time) {
+            None => self.occluded(ground, ray),
+            Some(share) => self.run(Occluded::<true> { bvh: self, ground, ray, share }),
+        }
+    }
+
+    /// How much of the slice is over at a time, if boxes move during it.
+    fn share(&self, time: f32) -> Option<f32> {
+        let [start, end] = self.times?;
+        Some(((time - start) / (end - start)).clamp(0.0, 1.0))
     }
 
     pub(super) fn bounds(&self) -> Bounds {
@@ -166,13 +193,15 @@ impl Bvh8 {
     }
 }
 
-pub(super) struct Closest<'a> {
+/// With boxes that have moved by a share of their way if `MOVING`.
+pub(super) struct Closest<'a, const MOVING: bool> {
     pub bvh: &'a Bvh8,
     pub ground: &'a Ground<'a>,
     pub ray: &'a Ray,
+    pub share: f32,
 }
 
-impl WideTask for Closest<'_> {
+impl<const MOVING: bool> WideTask for Closest<'_, MOVING> {
     type Output = Option<Hit>;
 
     #[inline(always)]
@@ -185,7 +214,14 @@ impl WideTask for Closest<'_> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = self.bvh.wide.arena.node(current);
+                let moved;
+                let node = if MOVING {
+                    let arena = &self.bvh.wide.arena;
+                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
+                    &moved
+                } else {
+                    self.bvh.wide.arena.node(current)
+                };
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -196,13 +232,20 @@ impl WideTask for Closest<'_> {
                     continue;
                 }
             } else {
-                let block = self.bvh.wide.arena.block(current);
-                let met = test.triangles(&ray, probe, block, current.triangle_mask(), nearest.limit);
+                let (moved, mask);
+                let block = if MOVING {
+                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
+                    &moved
+                } else {
+                    mask = current.triangle_mask();
+                    self.bvh.wide.arena.block(current)
+                };
+                let met = test.triangles(&ray, probe, block, mask, nearest.limit);
                 if met.mask != 0 {
                     take_all(&mut nearest, block, &met);
                 }
                 if current.has_analytic() {
-                    for prim in others(block, self.ground.geometry) {
+                    for prim in others::<MOVING>(block, self.ground.geometry) {
                         if let Some(hit) = self.ground.intersect_other(prim, probe, nearest.limit) {
                             nearest.take(hit);
                         }
@@ -242,19 +285,24 @@ fn take_all(nearest: &mut Nearest, block: &Block, met: &Met) {
     }
 }
 
-/// The primitives of a block that are no still triangles.
-fn others<'a>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32> + 'a {
-    let first = geometry.triangle_count();
-    block.prims.iter().copied().filter(move |prim| *prim >= first && *prim != Block::NONE)
+/// The primitives of a block that are no still triangles; nor deforming ones if these have
+/// been tested.
+fn others<'a, const MOVING: bool>(block: &'a Block, geometry: &Geometry) -> impl Iterator<Item = u32> + 'a {
+    let (first, deforming) = (geometry.triangle_count(), geometry.deforming());
+    let other =
+        move |prim: &u32| *prim >= first && *prim != Block::NONE && !(MOVING && deforming.contains(prim));
+    block.prims.iter().copied().filter(other)
 }
 
-pub(super) struct Occluded<'a> {
+/// With boxes that have moved by a share of their way if `MOVING`.
+pub(super) struct Occluded<'a, const MOVING: bool> {
     pub bvh: &'a Bvh8,
     pub ground: &'a Ground<'a>,
     pub ray: &'a Ray,
+    pub share: f32,
 }
 
-impl WideTask for Occluded<'_> {
+impl<const MOVING: bool> WideTask for Occluded<'_, MOVING> {
     type Output = bool;
 
     #[inline(always)]
@@ -267,7 +315,14 @@ impl WideTask for Occluded<'_> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let node = self.bvh.wide.arena.node(current);
+                let moved;
+                let node = if MOVING {
+                    let arena = &self.bvh.wide.arena;
+                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
+                    &moved
+                } else {
+                    self.bvh.wide.arena.node(current)
+                };
                 let (mask, _) = test.boxes(&ray, node, limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -278,13 +333,22 @@ impl WideTask for Occluded<'_> {
                     continue;
                 }
             } else {
-                let block = self.bvh.wide.arena.block(current);
-                if test.triangles(&ray, probe, block, current.triangle_mask(), limit).mask != 0 {
+                let (moved, mask);
+                let block = if MOVING {
+                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
+                    &moved
+                } else {
+                    mask = current.triangle_mask();
+                    self.bvh.wide.arena.block(current)
+                };
+                if test.triangles(&ray, probe, block, mask, limit).mask != 0 {
                     return true;
                 }
-                let hit = |prim| self.ground.occluded_other(prim, probe, limit);
-                if current.has_analytic() && others(block, self.ground.geometry).any(hit) {
-                    return true;
+                if current.has_analytic() {
+                    let hit = |prim| self.ground.occluded_other(prim, probe, limit);
+                    if others::<MOVING>(block, self.ground.geometry).any(hit) {
+                        return true;
+                    }
                 }
             }
             match stack.pop_any() {

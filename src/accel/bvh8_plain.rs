@@ -12,9 +12,9 @@
 use super::bvh8::{Bvh8, Closest, Occluded, Quality};
 use super::ground::Ground;
 use super::simd8::{Met, Stack, WideTask, WideTest};
-use super::simd8_arena::Arena;
+use super::simd8_arena::{Arena, Swing};
 use super::stats::Stats;
-use super::wide::{Block, Link, Node8};
+use super::wide::{Block, LANES, Link, Node8};
 use crate::desc::Result;
 use crate::math::Ray;
 use crate::shape::{Geometry, Hit, RayProbe};
@@ -45,7 +45,7 @@ impl Bvh8Plain {
     #[inline]
     pub fn closest(&self, geometry: &Geometry, ray: &Ray) -> Option<Hit> {
         let ground = Ground { geometry, groups: &[] };
-        self.bvh.run(Plainly(Closest { bvh: &self.bvh, ground: &ground, ray }))
+        self.bvh.run(Plainly(Closest::<false> { bvh: &self.bvh, ground: &ground, ray, share: 0.0 }))
     }
 
     /// Whether any hit is found. The ray must be finite.
@@ -53,7 +53,7 @@ impl Bvh8Plain {
     #[inline]
     pub fn occluded(&self, geometry: &Geometry, ray: &Ray) -> bool {
         let ground = Ground { geometry, groups: &[] };
-        self.bvh.run(Plainly(Occluded { bvh: &self.bvh, ground: &ground, ray }))
+        self.bvh.run(Plainly(Occluded::<false> { bvh: &self.bvh, ground: &ground, ray, share: 0.0 }))
     }
 
     /// Memory beyond that of the geometry, in bytes.
@@ -102,6 +102,16 @@ impl<T: WideTest> WideTest for Plain<T> {
     #[inline(always)]
     fn boxes(self, ray: &T::Ray, node: &Node8, limit: f32) -> (u32, T::Near) {
         self.0.boxes(ray, node, limit)
+    }
+
+    #[inline(always)]
+    fn moved(self, node: &Node8, swing: &Swing, share: f32) -> Node8 {
+        self.0.moved(node, swing, share)
+    }
+
+    #[inline(always)]
+    fn between(self, from: &Block, to: &Block, shares: &[f32; LANES]) -> Block {
+        self.0.between(from, to, shares)
     }
 
     #[inline(always)]

@@ -9,9 +9,12 @@
 //! C(n, 1) = min(A(n) · node + D(n, 8), A(n) · leaf(n) if it fits into one),
 //! C(n, i) = min(C(n, i - 1), D(n, i)).
 
-use super::build::{Item, Tree, TreeNode};
+use super::build::{Item, Singles, Tree, TreeNode};
+use super::ground::Slice;
+use super::simd8::WideTest;
 use super::simd8_arena::Arena;
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
+use crate::math::{Bounds, Vec3, gamma};
 use crate::shape::Geometry;
 
 /// A wide tree. Inner children of a node follow each other, and their blocks
@@ -20,17 +23,24 @@ use crate::shape::Geometry;
 pub struct Wide {
     pub arena: Arena,
     pub root: Option<Link>,
+    /// Blocks of deforming triangles have those of the key before the slice in them, and
+    /// behind them a block of those of the key after it.
+    keyed: bool,
 }
 
 /// Bytes per primitive that are more than enough for most trees.
 const ROOM: usize = 96;
 
 /// Collapses a binary tree whose leaves are sorted items, and whose children
-/// come after their parents. `price` is the cost of a node in leaves.
-pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) -> Wide {
-    let plan = Plan::new(tree, items, geometry.triangle_count(), price);
-    let source = Source { geometry, items, tree, plan };
-    let mut wide = Wide { arena: Arena::with_room(ROOM * items.len()), root: None };
+/// come after their parents. `price` is the cost of a node in leaves. The boxes of
+/// what deforms move along during the `slice`.
+pub fn collapse(geometry: &Geometry, (items, slice): (&[Item], Slice), tree: &Tree, price: f32) -> Wide {
+    let ends = slice.deforms(geometry).then(|| ends(geometry, items, slice, tree));
+    let plan = Plan::new(tree, items, Singles::of(geometry), price);
+    let keyed = ends.is_some() && geometry.goes_straight(slice.part, slice.times);
+    let room = ROOM * items.len() * if ends.is_some() { 2 } else { 1 };
+    let mut wide = Wide { arena: Arena::with_room(room, ends.is_some()), root: None, keyed };
+    let source = Source { geometry, items, slice, tree, plan, ends };
     wide.root = (!tree.nodes.is_empty()).then(|| {
         if source.plan.is_leaf(0) {
             return wide.add_leaf(&source, 0);
@@ -47,8 +57,55 @@ pub fn collapse(geometry: &Geometry, items: &[Item], tree: &Tree, price: f32) ->
 struct Source<'a> {
     geometry: &'a Geometry,
     items: &'a [Item],
+    slice: Slice,
     tree: &'a Tree,
     plan: Plan,
+    /// The boxes of the nodes when the slice begins and ends, if they move.
+    ends: Option<Vec<[Bounds; 2]>>,
+}
+
+/// The boxes of all nodes at both ends of a slice of the shutter, such that what lies on
+/// the straight way between them holds the boxes of the primitives below at all times:
+/// their vertices go straight from key to key, and both ends are moved outward by what is
+/// missing at the keys between.
+fn ends(geometry: &Geometry, items: &[Item], slice: Slice, tree: &Tree) -> Vec<[Bounds; 2]> {
+    let at = |time: f32| {
+        let mut boxes = vec![Bounds::EMPTY; tree.nodes.len()];
+        for (i, node) in tree.nodes.iter().enumerate().rev() {
+            boxes[i] = if node.is_leaf() {
+                let items = &items[node.first as usize..][..node.count as usize];
+                let boxed = |item: &Item| geometry.prim_bounds_during(item.prim(), [time; 2]);
+                items.iter().map(boxed).fold(Bounds::EMPTY, Bounds::union)
+            } else if node.first == 0 {
+                continue; // Slot 1 is unused.
+            } else {
+                boxes[node.first as usize].union(boxes[node.first as usize + 1])
+            };
+        }
+        boxes
+    };
+    let [start, end] = slice.times;
+    let mut ends: Vec<[Bounds; 2]> = at(start).into_iter().zip(at(end)).map(|(a, b)| [a, b]).collect();
+    for key in geometry.key_times(slice.part).into_iter().filter(|key| start < *key && *key < end) {
+        let share = (key - start) / (end - start);
+        for ([a, b], needed) in ends.iter_mut().zip(at(key)) {
+            let low = (a.min.lerp(b.min, share) - needed.min).max(Vec3::ZERO);
+            let high = (needed.max - a.max.lerp(b.max, share)).max(Vec3::ZERO);
+            for bounds in [a, b] {
+                *bounds = Bounds { min: bounds.min - low, max: bounds.max + high };
+            }
+        }
+    }
+    // Roundings of the vertices on their way, and of the planes on theirs; and a wall may
+    // be flat at the ends only.
+    let size = |bounds: &Bounds| bounds.min.abs().max(bounds.max.abs()).max_element();
+    for [a, b] in &mut ends {
+        let e = Vec3::splat(size(a).max(size(b)) * gamma(32));
+        for bounds in [a, b] {
+            *bounds = Bounds { min: bounds.min - e, max: bounds.max + e };
+        }
+    }
+    ends
 }
 
 impl Source<'_> {
@@ -126,8 +183,59 @@ impl Wide {
     fn add_leaf(&mut self, source: &Source<'_>, node: u32) -> Link {
         let (prims, count) = source.primitives(node);
         let triangles = prims.iter().filter(|prim| **prim < source.geometry.triangle_count()).count();
-        let at = self.arena.add_block(&Block::new(source.geometry, &prims[..count]));
+        let mut block = Block::new(source.geometry, &prims[..count]);
+        let mut after = Block::EMPTY;
+        if self.keyed {
+            let start = source.slice.times[0];
+            source.geometry.keys_around(&prims[..count], start, |lane, deformation, [a, b]| {
+                block.put(lane, &a);
+                after.put(lane, &b);
+                after.prims[lane] = deformation;
+            });
+        }
+        let at = self.arena.add_block(&block);
+        if self.keyed {
+            self.arena.add_block(&after);
+        }
         Link::block(at, triangles, triangles < count)
+    }
+
+    /// A leaf of a tree whose boxes move: its triangles, still and deforming, as they are
+    /// at a time of the slice, and one bit for each.
+    #[inline(always)]
+    pub fn block_at<T: WideTest>(&self, test: T, geometry: &Geometry, link: Link, time: f32) -> (Block, u32) {
+        let block = self.arena.block(link);
+        let still = link.triangle_mask();
+        if !link.has_analytic() {
+            return (*block, still);
+        }
+        let mut mask = still;
+        if !self.keyed {
+            let mut now = *block;
+            geometry.deformed(&block.prims, time, |lane, vertices| {
+                now.put(lane, &vertices);
+                mask |= 1 << lane;
+            });
+            return (now, mask);
+        }
+        let after = self.arena.block_after(link);
+        let mut weights = [0.0; LANES];
+        let (mut last, mut weight) = (Block::NONE, 0.0);
+        for (lane, (share, deformation)) in weights.iter_mut().zip(after.prims).enumerate() {
+            if deformation != Block::NONE {
+                if deformation != last {
+                    (last, weight) = (deformation, geometry.key_weight(deformation, time));
+                }
+                *share = weight;
+                mask |= 1 << lane;
+            }
+        }
+        let mut now = test.between(block, after, &weights);
+        // Not even the sign of a zero changes of what stands still.
+        for lane in (0..LANES).filter(|lane| still >> lane & 1 != 0) {
+            now.put(lane, &block.triangle(lane));
+        }
+        (now, mask)
     }
 
     fn fill(&mut self, source: &Source<'_>, node: u32, at: usize) {
@@ -140,13 +248,20 @@ impl Wide {
             let link = if source.plan.is_leaf(*child) {
                 self.add_leaf(source, *child)
             } else {
-                next += Arena::STEP;
-                Link::node(next - Arena::STEP)
+                next += self.arena.step();
+                Link::node(next - self.arena.step())
             };
-            self.arena.node_mut(at).set(lane, &source.node(*child).bounds(), link);
+            match &source.ends {
+                None => self.arena.node_mut(at).set(lane, &source.node(*child).bounds(), link),
+                Some(ends) => {
+                    let [start, end] = &ends[*child as usize];
+                    self.arena.node_mut(at).set(lane, start, link);
+                    self.arena.set_end(at, lane, end);
+                }
+            }
         }
         for (i, child) in inner.enumerate() {
-            self.fill(source, *child, first + i * Arena::STEP);
+            self.fill(source, *child, first + i * self.arena.step());
         }
     }
 }
@@ -159,8 +274,8 @@ struct Contents {
 }
 
 impl Contents {
-    fn of(items: &[Item], single_from: u32) -> Contents {
-        let single = items.iter().filter(|item| item.prim() >= single_from).count();
+    fn of(items: &[Item], singles: Singles) -> Contents {
+        let single = items.iter().filter(|item| singles.has(item.prim())).count();
         Contents { triangles: (items.len() - single) as u32, single: single as u32 }
     }
 
@@ -190,9 +305,8 @@ struct Plan {
 
 impl Plan {
     /// For a tree whose children come after their parents. `price` is the cost
-    /// of a node in blocks of triangles; primitives from `single_from` on are
-    /// tested one by one.
-    fn new(tree: &Tree, items: &[Item], single_from: u32, price: f32) -> Plan {
+    /// of a node in blocks of triangles; `singles` are tested one by one.
+    fn new(tree: &Tree, items: &[Item], singles: Singles, price: f32) -> Plan {
         let count = tree.nodes.len();
         let mut plan = Plan { costs: vec![[0.0; WIDTH - 1]; count], leaves: vec![false; count] };
         let size = tree.nodes.first().map_or(1.0, |root| root.bounds().extent().max_element());
@@ -205,7 +319,7 @@ impl Plan {
             let area = if area < 4.0 { area } else { 4.0 };
             if node.is_leaf() {
                 let items = &items[node.first as usize..][..node.count as usize];
-                contents[i] = Contents::of(items, single_from);
+                contents[i] = Contents::of(items, singles);
                 (plan.costs[i], plan.leaves[i]) = ([area * contents[i].cost(); WIDTH - 1], true);
                 continue;
             }

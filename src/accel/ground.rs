@@ -14,11 +14,13 @@ pub struct Ground<'a> {
     pub groups: &'a [Group],
 }
 
-/// The trees of a group: one for each of equal slices of the shutter, so that
-/// what deforms has tight boxes; a single one when nothing does.
+/// The trees of a group: one for each slice of the shutter, so that what deforms
+/// has tight boxes; a single one when nothing does.
 #[derive(Clone, Debug)]
 pub struct Group {
     pub slices: Vec<Tree>,
+    /// When each slice but the first begins.
+    pub starts: Vec<f32>,
 }
 
 /// Most slices of the shutter.
@@ -28,8 +30,7 @@ impl Group {
     /// The tree for a time of the shutter.
     #[inline]
     fn at(&self, time: f32) -> Option<&Tree> {
-        let count = self.slices.len();
-        self.slices.get(((time * count as f32) as usize).min(count.saturating_sub(1)))
+        self.slices.get(self.starts.partition_point(|start| *start <= time))
     }
 }
 
@@ -45,8 +46,20 @@ impl Slice {
     /// The top of the scene.
     pub const TOP: Slice = Slice { part: 0, times: [0.0, 1.0] };
 
-    /// The slices of a part: so many that no triangle moves by much more than
-    /// its own size during one.
+    /// The slices of a part for trees whose boxes move along: from key to key, or over
+    /// several keys where there are too many.
+    pub fn from_key_to_key(geometry: &Geometry, part: u32) -> Vec<Slice> {
+        let keys = geometry.key_times(part);
+        let several = (keys.len() - 1).div_ceil(MAX_SLICES as usize);
+        let mut ends: Vec<f32> = keys.iter().copied().step_by(several.max(1)).collect();
+        if ends.last() != keys.last() {
+            ends.extend(keys.last());
+        }
+        ends.windows(2).map(|ends| Slice { part, times: [ends[0], ends[1]] }).collect()
+    }
+
+    /// The slices of a part for trees whose boxes stand still: so many that no
+    /// triangle moves by much more than its own size during one.
     pub fn of_part(geometry: &Geometry, part: u32) -> Vec<Slice> {
         let mut count = 1;
         if geometry.part_deforms(part) {
@@ -62,6 +75,16 @@ impl Slice {
         }
         let at = |i: u32| i as f32 / count as f32;
         (0..count).map(|i| Slice { part, times: [at(i), at(i + 1)] }).collect()
+    }
+
+    /// Whether boxes may move during it.
+    pub fn deforms(self, geometry: &Geometry) -> bool {
+        self.part != Slice::TOP.part && geometry.part_deforms(self.part)
+    }
+
+    /// The moment in its middle.
+    pub fn middle(self) -> Slice {
+        Slice { times: [0.5 * (self.times[0] + self.times[1]); 2], ..self }
     }
 
     /// The primitives with their boxes.
@@ -95,7 +118,7 @@ impl Ground<'_> {
         if prim < self.geometry.first_instance() {
             self.geometry.intersect_analytic(prim, probe, limit)
         } else {
-            self.look_into(prim, probe, limit, |tree, inside| tree.closest(self, inside))
+            self.look_into(prim, probe, limit, |tree, inside| tree.closest_inside(self, inside))
         }
     }
 
@@ -115,7 +138,7 @@ impl Ground<'_> {
             return self.geometry.intersect_analytic(prim, probe, limit).is_some();
         }
         let any = Hit { t: f32::MIN_POSITIVE, prim, u: 0.0, v: 0.0, instance: prim };
-        self.look_into(prim, probe, limit, |tree, inside| tree.occluded(self, inside).then_some(any))
+        self.look_into(prim, probe, limit, |tree, inside| tree.occluded_inside(self, inside).then_some(any))
             .is_some()
     }
 

@@ -12,7 +12,7 @@ use std::mem::MaybeUninit;
 
 use super::build::MAX_DEPTH;
 use super::simd::three;
-use super::simd8_arena::Arena;
+use super::simd8_arena::{Arena, Swing};
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::math::{Ray, Vec3};
 use crate::shape::{Geometry, RayProbe};
@@ -37,6 +37,13 @@ pub trait WideTest: Copy {
     /// One bit for each box that the ray meets before `limit`, and where
     /// it enters them.
     fn boxes(self, ray: &Self::Ray, node: &Node8, limit: f32) -> (u32, Self::Near);
+
+    /// A node whose planes have moved by a share of their way.
+    fn moved(self, node: &Node8, swing: &Swing, share: f32) -> Node8;
+
+    /// Vertices on their straight way from one block's to the other's, by the share of each
+    /// lane.
+    fn between(self, from: &Block, to: &Block, shares: &[f32; LANES]) -> Block;
 
     /// Puts the children in `mask`, which is not empty, onto the stack with the
     /// nearest on top, and takes that off again.
@@ -210,6 +217,29 @@ impl WideTest for Portable {
     }
 
     #[inline(always)]
+    fn moved(self, node: &Node8, swing: &Swing, share: f32) -> Node8 {
+        let mut moved = *node;
+        for (planes, by) in moved.planes.iter_mut().zip(swing) {
+            for (plane, by) in planes.iter_mut().zip(by) {
+                *plane += by * share;
+            }
+        }
+        moved
+    }
+
+    #[inline(always)]
+    fn between(self, from: &Block, to: &Block, shares: &[f32; LANES]) -> Block {
+        let mut between = *from;
+        let rows = between.vertices.as_flattened_mut().iter_mut().zip(to.vertices.as_flattened());
+        for (row, to) in rows {
+            for ((a, b), share) in row.iter_mut().zip(to).zip(shares) {
+                *a += (b - *a) * share;
+            }
+        }
+        between
+    }
+
+    #[inline(always)]
     fn descend(self, mut mask: u32, near: [f32; WIDTH], node: &Node8, stack: &mut Stack<'_>) -> Link {
         // Sorts by insertion, farthest first.
         let mut keys = [0u32; WIDTH];
@@ -356,6 +386,16 @@ mod tests {
                 let bounds = if lane % 4 == 0 { Bounds::of_points([a, b]) } else { around };
                 node.set(lane, &bounds, Link::node(100 + lane));
             }
+            let swing: Swing = std::array::from_fn(|_| std::array::from_fn(|_| random.next()));
+            let moved = [
+                Portable.moved(&node, &swing, case as f32 / 150_000.0),
+                avx2.moved(&node, &swing, case as f32 / 150_000.0),
+            ];
+            assert_eq!(
+                moved[0].planes.map(|p| p.map(f32::to_bits)),
+                moved[1].planes.map(|p| p.map(f32::to_bits))
+            );
+            assert_eq!(moved[0].children, moved[1].children);
             let Some(probe) = random.probe() else { continue };
             let (mask, near) = Portable.boxes(&Portable.prepare(&probe, 8.0), &node, 3.0);
             let (other_mask, other_near) = avx2.boxes(&avx2.prepare(&probe, 8.0), &node, 3.0);
@@ -416,6 +456,14 @@ mod tests {
             ray.skip = if case % 7 == 0 { 0 } else { Ray::NO_SKIP };
             let Some(probe) = RayProbe::new(&ray) else { continue };
             let all = (1 << count) - 1;
+            let shares: [f32; LANES] = std::array::from_fn(|_| random.next());
+            let other = Block {
+                vertices: block.vertices.map(|corner| corner.map(|row| row.map(|x| 1.0 - x))),
+                ..block
+            };
+            let between = [Portable.between(&block, &other, &shares), avx2.between(&block, &other, &shares)];
+            let bits = between.map(|b| b.vertices.map(|corner| corner.map(|row| row.map(f32::to_bits))));
+            assert_eq!(bits[0], bits[1]);
             let wide = avx2.prepare(&probe, 4.0 * scale);
             let plain = Portable.prepare(&probe, 8.0);
             let expected = Portable.triangles(&plain, &probe, &block, all, 2.0);

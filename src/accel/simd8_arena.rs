@@ -6,7 +6,8 @@
     reason = "nodes and blocks are views of the same array; each block says why it is sound"
 )]
 
-use super::wide::{Block, Link, Node8};
+use super::wide::{Block, Link, Node8, WIDTH};
+use crate::math::Bounds;
 
 /// What an arena is measured in: 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,10 +20,17 @@ const BLOCK: usize = size_of::<Block>() / size_of::<Unit>();
 const _: () = assert!(size_of::<Node8>() == NODE * 32 && align_of::<Node8>() == 32);
 const _: () = assert!(size_of::<Block>() == BLOCK * 32 && align_of::<Block>() == 32);
 
-/// Nodes and blocks, found by the index of their first unit.
+/// By how much the planes of a node move during a slice of the shutter.
+pub type Swing = [[f32; WIDTH]; 6];
+const SWING: usize = size_of::<Swing>() / size_of::<Unit>();
+const _: () = assert!(size_of::<Swing>() == SWING * 32);
+
+/// Nodes and blocks, found by the index of their first unit. Where things move
+/// there is a [`Swing`] behind every node.
 #[derive(Clone, Debug, Default)]
 pub struct Arena {
     units: Vec<Unit>,
+    moving: bool,
 }
 
 impl Arena {
@@ -33,6 +41,9 @@ impl Arena {
         for _ in 0..count {
             // SAFETY: a node is seven units of plain numbers.
             self.units.extend_from_slice(unsafe { &*(&raw const empty).cast::<[Unit; NODE]>() });
+            if self.moving {
+                self.units.extend([Unit([0; 8]); SWING]);
+            }
         }
         at
     }
@@ -46,7 +57,9 @@ impl Arena {
     }
 
     /// Units from one node to the next.
-    pub const STEP: usize = NODE;
+    pub fn step(&self) -> usize {
+        if self.moving { NODE + SWING } else { NODE }
+    }
 
     /// The node at an index.
     pub fn node_mut(&mut self, at: usize) -> &mut Node8 {
@@ -64,12 +77,38 @@ impl Arena {
         unsafe { &*units.as_ptr().cast::<Node8>() }
     }
 
+    /// Where a node's lane moves to, from where [`Node8::set`] has put it.
+    pub fn set_end(&mut self, at: usize, lane: usize, end: &Bounds) {
+        let start = self.node_mut(at).bounds(lane);
+        for (axis, plane) in [0, 1, 2].into_iter().flat_map(|axis| [(axis, 2 * axis), (axis, 2 * axis + 1)]) {
+            let side = |bounds: &Bounds| if plane % 2 == 0 { bounds.min[axis] } else { bounds.max[axis] };
+            let by = side(end) - side(&start);
+            self.units[at + NODE + plane].0[lane] = by.to_bits();
+        }
+    }
+
+    /// By how much the planes of the node of a link move.
+    #[inline(always)]
+    pub fn swing(&self, link: Link) -> &Swing {
+        let units = &self.units[link.index() + NODE..link.index() + NODE + SWING];
+        // SAFETY: six units are its size and more than its alignment, and any numbers are one.
+        unsafe { &*units.as_ptr().cast::<Swing>() }
+    }
+
     /// The block of a link.
     #[inline(always)]
     pub fn block(&self, link: Link) -> &Block {
         let units = &self.units[link.index()..link.index() + BLOCK];
         // SAFETY: five units are a block's size and alignment, and any numbers
         // are a block.
+        unsafe { &*units.as_ptr().cast::<Block>() }
+    }
+
+    /// The block behind that of a link.
+    #[inline(always)]
+    pub fn block_after(&self, link: Link) -> &Block {
+        let units = &self.units[link.index() + BLOCK..link.index() + 2 * BLOCK];
+        // SAFETY: as in `block`.
         unsafe { &*units.as_ptr().cast::<Block>() }
     }
 
@@ -106,10 +145,10 @@ impl Arena {
     /// An empty one with room for so many bytes, in large pages where the
     /// system has them: rays jump about in it, and a translation missed costs
     /// as much as the data.
-    pub fn with_room(bytes: usize) -> Arena {
+    pub fn with_room(bytes: usize, moving: bool) -> Arena {
         let units = Vec::with_capacity(bytes / size_of::<Unit>());
         advise_large_pages(&units);
-        Arena { units }
+        Arena { units, moving }
     }
 
     /// Gives back the room that is left.

@@ -9,7 +9,7 @@ use std::arch::x86_64::*;
 
 use super::simd::Avx2;
 use super::simd8::{Met, Stack, WideTask, WideTest};
-use super::simd8_arena::Arena;
+use super::simd8_arena::{Arena, Swing};
 use super::wide::{Block, LANES, Link, Node8, WIDTH};
 use crate::math::gamma;
 use crate::shape::{RayProbe, WIDENING};
@@ -92,6 +92,18 @@ impl WideTest for Avx2 {
     fn boxes(self, ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
         // SAFETY: as above.
         unsafe { boxes(ray, node, limit) }
+    }
+
+    #[inline(always)]
+    fn moved(self, node: &Node8, swing: &Swing, share: f32) -> Node8 {
+        // SAFETY: as above.
+        unsafe { moved(node, swing, share) }
+    }
+
+    #[inline(always)]
+    fn between(self, from: &Block, to: &Block, shares: &[f32; LANES]) -> Block {
+        // SAFETY: as above.
+        unsafe { between(from, to, shares) }
     }
 
     #[inline(always)]
@@ -178,6 +190,40 @@ fn boxes(ray: &WideRay, node: &Node8, limit: f32) -> (u32, Near) {
     }
     let met = _mm256_cmp_ps::<_CMP_LT_OQ>(near, far);
     (_mm256_movemask_ps(met) as u32, Near { near, met })
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn moved(node: &Node8, swing: &Swing, share: f32) -> Node8 {
+    let mut to = Node8 { children: node.children, ..Node8::EMPTY };
+    let share = _mm256_set1_ps(share);
+    for (to, (from, by)) in to.planes.iter_mut().zip(node.planes.iter().zip(swing)) {
+        // SAFETY: eight f32 in a row, each time.
+        unsafe {
+            let by = _mm256_mul_ps(_mm256_loadu_ps(by.as_ptr()), share);
+            _mm256_storeu_ps(to.as_mut_ptr(), _mm256_add_ps(_mm256_loadu_ps(from.as_ptr()), by));
+        }
+    }
+    to
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn between(from: &Block, to: &Block, shares: &[f32; LANES]) -> Block {
+    let mut out = Block { prims: from.prims, ..Block::EMPTY };
+    // SAFETY: four f32 in a row, each time.
+    unsafe {
+        let share = _mm_loadu_ps(shares.as_ptr());
+        for corner in 0..3 {
+            for axis in 0..3 {
+                let a = _mm_loadu_ps(from.vertices[corner][axis].as_ptr());
+                let b = _mm_loadu_ps(to.vertices[corner][axis].as_ptr());
+                let way = _mm_mul_ps(_mm_sub_ps(b, a), share);
+                _mm_storeu_ps(out.vertices[corner][axis].as_mut_ptr(), _mm_add_ps(a, way));
+            }
+        }
+    }
+    out
 }
 
 #[inline]

@@ -113,20 +113,26 @@ pub struct Block {
 impl Block {
     /// The prim of an empty lane.
     pub const NONE: u32 = u32::MAX;
+    pub const EMPTY: Block = Block { vertices: [[[0.0; LANES]; 3]; 3], prims: [Block::NONE; LANES] };
 
     /// Of at most four primitives, triangles first.
     pub fn new(geometry: &Geometry, prims: &[u32]) -> Block {
-        let mut block = Block { vertices: [[[0.0; LANES]; 3]; 3], prims: [Block::NONE; LANES] };
+        let mut block = Block::EMPTY;
         for (lane, prim) in prims.iter().enumerate() {
             block.prims[lane] = *prim;
-            let Some(vertices) = geometry.triangle(*prim) else { continue };
-            for (corner, vertex) in vertices.iter().enumerate() {
-                for axis in 0..3 {
-                    block.vertices[corner][axis][lane] = vertex[axis];
-                }
+            if let Some(vertices) = geometry.triangle(*prim) {
+                block.put(lane, &vertices);
             }
         }
         block
+    }
+
+    pub fn put(&mut self, lane: usize, vertices: &[Vec3; 3]) {
+        for (corner, vertex) in vertices.iter().enumerate() {
+            for axis in 0..3 {
+                self.vertices[corner][axis][lane] = vertex[axis];
+            }
+        }
     }
 
     /// The vertices of a lane.

@@ -1,6 +1,8 @@
 //! Meshes that deform while the shutter is open: vertices at several times,
 //! linear between them.
 
+use std::ops::Range;
+
 use super::{Geometry, Hit, PrimId, RayProbe, ShapeId, SurfacePoint, triangle};
 use crate::desc::MeshKey;
 use crate::math::{Bounds, Vec3};
@@ -62,7 +64,80 @@ impl Geometry {
 
     /// The vertices of a deforming triangle at a time of the shutter.
     pub(crate) fn moving_triangle(&self, index: usize, time: f32) -> [Vec3; 3] {
-        match self.between(self.moving_shapes[index], time) {
+        self.moving_vertices(index, self.between(self.moving_shapes[index], time))
+    }
+
+    /// The times, from 0 to 1 and rising, at which what deforms in a part may turn.
+    pub(crate) fn key_times(&self, part: u32) -> Vec<f32> {
+        let mut times = vec![0.0, 1.0];
+        let mut last = None;
+        for index in self.parts[part as usize].moving.clone() {
+            let deformation = self.shapes[self.moving_shapes[index as usize] as usize].deformation;
+            if deformation != last {
+                times.extend(deformation.iter().flat_map(|d| &self.deformations[*d as usize].times));
+            }
+            last = deformation;
+        }
+        times.sort_unstable_by(f32::total_cmp);
+        times.dedup();
+        times
+    }
+
+    /// Whether nothing of a part turns between two times.
+    pub(crate) fn goes_straight(&self, part: u32, [start, end]: [f32; 2]) -> bool {
+        !self.key_times(part).iter().any(|key| start < *key && *key < end)
+    }
+
+    /// Calls `put` with the place, the index of the deformation and the vertices at the
+    /// keys before and after a time of each primitive that is a deforming triangle.
+    pub(crate) fn keys_around(
+        &self,
+        prims: &[PrimId],
+        time: f32,
+        mut put: impl FnMut(usize, u32, [[Vec3; 3]; 2]),
+    ) {
+        for (place, prim) in prims.iter().enumerate() {
+            let Some(index) = self.moving_index(*prim) else { continue };
+            let shape = &self.shapes[self.moving_shapes[index] as usize];
+            let Some(deformation) = shape.deformation else { continue };
+            let [a, b] = self.deformations[deformation as usize].at(time).offset;
+            let vertices = |offset: u32| self.moving[index].map(|i| self.positions[(i + offset) as usize]);
+            put(place, deformation, [vertices(a), vertices(b)]);
+        }
+    }
+
+    /// How far from the key before a time to the next it is.
+    pub(crate) fn key_weight(&self, deformation: u32, time: f32) -> f32 {
+        self.deformations[deformation as usize].at(time).weight
+    }
+
+    /// The primitives that are deforming triangles.
+    #[inline]
+    pub(crate) fn deforming(&self) -> Range<PrimId> {
+        let first = (self.triangles.len() + self.analytic.len()) as PrimId;
+        first..first + self.moving.len() as PrimId
+    }
+
+    /// Calls `put` with the place and the vertices at a time of the shutter of
+    /// each primitive that is a deforming triangle.
+    pub(crate) fn deformed(&self, prims: &[PrimId], time: f32, mut put: impl FnMut(usize, [Vec3; 3])) {
+        let deforming = self.deforming();
+        let mut last: Option<(ShapeId, Option<Between>)> = None;
+        for (place, prim) in prims.iter().enumerate().filter(|(_, prim)| deforming.contains(prim)) {
+            let index = (prim - deforming.start) as usize;
+            let shape = self.moving_shapes[index];
+            // Neighbours are mostly of one shape.
+            let between = match last {
+                Some((same, between)) if same == shape => between,
+                _ => self.between(shape, time),
+            };
+            last = Some((shape, between));
+            put(place, self.moving_vertices(index, between));
+        }
+    }
+
+    fn moving_vertices(&self, index: usize, between: Option<Between>) -> [Vec3; 3] {
+        match between {
             Some(between) => self.moving[index].map(|i| between.of(&self.positions, i as usize)),
             None => self.moving[index].map(|i| self.positions[i as usize]),
         }
