@@ -367,6 +367,37 @@ fn spots_are_mitsubas() {
     check_delta("textured", &light, &rows(radiance));
 }
 
+/// KHR_lights_punctual: clamp((cos θ − cos c) / (cos b − cos c))², which over all
+/// directions is 2π·(1 − cos b + (cos b − cos c) / 3).
+#[test]
+fn squared_spots_are_gltfs() {
+    for [beam, cutoff] in [[10.0f64, 40.0], [0.0, 45.0], [0.0, 90.0], [0.01, 0.02], [60.0, 170.0]] {
+        let params = vec![
+            ("beam_width", float(beam)),
+            ("cutoff_angle", float(cutoff)),
+            ("falloff", string("squared")),
+        ];
+        let light = read("spot", params).unwrap();
+        let [b, c] = [beam, cutoff].map(|degrees| degrees.to_radians().cos());
+        for k in 0..60 {
+            let angle = f64::from(k) / 50.0 * cutoff.to_radians();
+            let d = Grid::direction(angle, 0.3);
+            let found = light.sample(&empty(), &Receiver::free(d), Vec2::ZERO).map_or(0.0, |s| s.radiance.x);
+            // The f32 direction is not quite at the angle.
+            let cos = f64::from(d.truncate().length()).atan2(f64::from(d.z)).cos();
+            let expected = ((cos - c) / (b - c)).clamp(0.0, 1.0).powi(2);
+            assert!(
+                (f64::from(found) - expected).abs() < 1e-5,
+                "{beam} {cutoff} {angle}: {found} {expected}"
+            );
+        }
+        let power = TAU * (1.0 - b + (b - c) / 3.0);
+        assert!((light.power(1.0) / power - 1.0).abs() < 1e-8, "{beam} {cutoff}: {}", light.power(1.0));
+    }
+    let wrong = read("spot", vec![("falloff", string("square"))]).unwrap_err().to_string();
+    assert!(wrong.contains("`falloff` has no value `square`; did you mean `squared`?"), "{wrong}");
+}
+
 #[test]
 fn points_and_directions_are_mitsubas() {
     let colour = Value::Rgb([1.0, 2.0, 3.0]);
@@ -429,7 +460,7 @@ fn flux_of_local_lights_is_their_power() {
         let (flux, power) = (flux.element_sum() / 3.0, light.power(1.0));
         assert!((flux / power - 1.0).abs() < 1e-3, "{name}: flux {flux}, power {power}");
     }
-    assert_eq!(tested, 4);
+    assert_eq!(tested, 7);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use glam::DMat3;
 
 use super::envmap::EnvOptions;
-use super::spot::Cone;
+use super::spot::{Cone, Falloff};
 use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot, sky_parse};
 use crate::desc::{Error, ObjectId, Params, Result, SceneDesc};
 use crate::math::{DVec3, Rgb, Transform};
@@ -130,7 +130,11 @@ fn spot(params: &Params, recentre: DVec3, weight: f32) -> Result<Spot> {
             format!("`beam_width` must lie between 0 and `cutoff_angle` ({cutoff}) degrees, found {beam}"),
         ));
     }
-    let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians() };
+    let falloff = match params.choice("falloff", &["linear", "squared"], "linear")? {
+        "squared" => Falloff::Squared,
+        _ => Falloff::Linear,
+    };
+    let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians(), falloff };
     let mut spot = Spot::new(intensity, &to_world, cone, texture);
     spot.weight = weight;
     Ok(spot)

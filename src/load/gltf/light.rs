@@ -18,9 +18,7 @@ pub fn turned(m: DMat4) -> DMat4 {
     m * DMat4::from_scale(DVec3::new(-1.0, 1.0, -1.0))
 }
 
-/// The light of a node. The fall-off of a spot goes by the square of
-/// (cos θ − cos outer) / (cos inner − cos outer) in glTF, and here linearly in
-/// θ between the same two angles. `range` only tells rasterisers where to stop.
+/// The light of a node. `range` only tells rasterisers where to stop.
 pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -> Result<()> {
     let Some(reference) = &source.root.nodes[node].extensions.light else { return Ok(()) };
     let node_place = format!("nodes[{node}].extensions.KHR_lights_punctual");
@@ -64,6 +62,7 @@ pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -
                 ("intensity", power),
                 ("cutoff_angle", Value::Float(outer)),
                 ("beam_width", Value::Float(inner)),
+                ("falloff", Value::String("squared".into())),
                 ("to_world", Value::Transform(to_world)),
             ];
             objects.add(Category::Emitter, "spot", pos, params)
