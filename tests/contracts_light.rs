@@ -481,12 +481,13 @@ fn recentring_is_done_in_double_precision() {
 }
 
 /// The first shape of a geometry as a light, with a checkerboard or a colour.
-fn area_light(geometry: &Geometry, textured: bool) -> AreaLight {
+fn area_light(geometry: &Geometry, textured: bool, both_sides: bool) -> AreaLight {
     let mut d = Describe::new();
     let params = vec![("color0", Value::Rgb([8.0, 4.0, 2.0])), ("color1", float(1.0))];
     let texture = d.object(Category::Texture, "checkerboard", params);
     let radiance = if textured { Value::Object(texture) } else { float(1.0) };
-    let id = d.object(Category::Emitter, "area", vec![("radiance", radiance)]);
+    let params = vec![("radiance", radiance), ("two_sided", Value::Bool(both_sides))];
+    let id = d.object(Category::Emitter, "area", params);
     let emission = area_emission_from_desc(&d.scene, id).expect("an emitter");
     AreaLight::new(geometry, ShapeSampler::new(geometry, 0).expect("a shape with area"), emission)
 }
@@ -582,8 +583,14 @@ fn closest(geometry: &Geometry, ray: &Ray) -> Option<SurfacePoint> {
 fn area_lights_agree_with_rays_that_hit_them() {
     let shapes = glowing_shapes();
     assert_eq!(shapes.len(), 8);
+    // On both sides, seen from where it is and from behind.
+    let mut views: Vec<_> = shapes.iter().map(|(name, geometry, p)| (*name, geometry, *p, false)).collect();
     for (name, geometry, p) in &shapes {
-        let area = area_light(geometry, true);
+        views.extend([*p, Vec3::new(-0.1, 0.3, 4.0)].map(|p| (*name, geometry, p, true)));
+    }
+    for (name, geometry, p, both_sides) in &views {
+        let name = &format!("{name}, {p}, both sides: {both_sides}");
+        let area = area_light(geometry, true, *both_sides);
         let light = Light::from(area.clone());
         let grid = Grid { rows: 300, columns: 600, fine: 1 };
         let seen: DVec3 = grid
@@ -633,7 +640,7 @@ fn irradiance_under_flat_lights() {
     let expected = [("rectangle", Vec3::ZERO, 1.740839503), ("disk", Vec3::ZERO, PI / 2.0)];
     for (name, p, expected) in expected {
         let (_, geometry, _) = glowing_shapes().into_iter().find(|(n, ..)| *n == name).unwrap();
-        let area = area_light(&geometry, false);
+        let area = area_light(&geometry, false, false);
         let shape_area: f64 = if name == "disk" { PI } else { 4.0 };
         let light = Light::from(area);
         assert!((light.power(1.0) / (PI * shape_area) - 1.0).abs() < 1e-6, "{name}");

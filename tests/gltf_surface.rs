@@ -269,7 +269,8 @@ fn unlit_says_what_it_goes_without() {
         "pbrMetallicRoughness": {"baseColorTexture": {"index": map, "texCoord": 1}}});
     let scene = file.load().unwrap();
     assert!(warns(&scene, &["materials[0]", "glows without its texture"]), "{:?}", scene.warnings);
-    assert!(warns(&scene, &["materials[0]", "on its front only"]));
+    let emitter = only(&scene, Category::Emitter, "area");
+    assert!(matches!(param(emitter, "two_sided"), Some(Value::Bool(true))));
 }
 
 /// What shrinks to nothing is gone at the end.

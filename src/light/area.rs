@@ -12,30 +12,41 @@ use crate::texture::Texture;
 /// | parameter | default | meaning |
 /// |-|-|-|
 /// | `radiance` | 1 | emitted radiance; may be a texture |
+/// | `two_sided` | false | the back emits as the front does (Mitsuba has front only) |
 #[derive(Clone, Debug)]
 pub struct AreaEmission {
-    /// Emitted radiance, the same in all directions on the front.
+    /// Emitted radiance, the same in all directions on a side that emits.
     pub radiance: Texture,
+    /// `two_sided`: not the front alone emits.
+    pub both_sides: bool,
     /// `sampling_weight`.
     pub weight: f32,
 }
 
 impl AreaEmission {
     /// Radiance that leaves `point` of the shape towards unit `wo` (world).
-    /// Zero behind the surface and along it.
+    /// Zero along the surface, and behind one that emits on its front only.
     #[must_use]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.front(point.ns, wo, point.uv)
+        self.towards(point.ns, wo, point.uv)
     }
 
-    fn front(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
-        if n.dot(wo) > 0.0 { self.radiance.eval(uv) } else { Rgb::ZERO }
+    fn towards(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
+        let cos = n.dot(wo);
+        if cos > 0.0 || (self.both_sides && cos < 0.0) { self.radiance.eval(uv) } else { Rgb::ZERO }
     }
 
-    /// A sampler that goes by what is emitted: by texels where they differ.
+    /// How many sides of the shape emit.
+    fn sides(&self) -> f64 {
+        if self.both_sides { 2.0 } else { 1.0 }
+    }
+
+    /// A sampler that goes by what is emitted: on which sides, and by texels
+    /// where they differ.
     #[must_use]
     pub fn sampler(&self, geometry: &Geometry, sampler: ShapeSampler) -> ShapeSampler {
         let mean = grey(self.radiance.mean());
+        let sampler = if self.both_sides { sampler.of_both_sides() } else { sampler };
         if self.radiance.is_constant().is_some() {
             return sampler.without_uv();
         }
@@ -53,8 +64,8 @@ impl AreaEmission {
     }
 }
 
-/// A shape that emits from its front: the side its shading normal points to,
-/// as a ray that hits a light finds it in Mitsuba.
+/// A shape that emits from its front, the side its shading normal points to,
+/// as a ray that hits a light finds it in Mitsuba; or from both sides.
 ///
 /// Mitsuba asks another normal when it samples the light, so that on a mesh
 /// with vertex normals its strategies disagree by up to 4 % (mitsuba3 issue
@@ -81,7 +92,7 @@ impl AreaLight {
     pub fn new(geometry: &Geometry, sampler: ShapeSampler, emission: AreaEmission) -> AreaLight {
         let sampler = Arc::new(emission.sampler(geometry, sampler));
         let mean = sampler.mean_of_all().unwrap_or_else(|| grey(emission.radiance.mean()));
-        let power = std::f64::consts::PI * sampler.area() * mean;
+        let power = std::f64::consts::PI * sampler.area() * mean * emission.sides();
         AreaLight { sampler, emission: Arc::new(emission), instance: Hit::NO_INSTANCE, power }
     }
 
@@ -93,8 +104,8 @@ impl AreaLight {
         AreaLight { power, ..light }
     }
 
-    /// Radiance that leaves `point` of this light towards unit `wo` (world).
-    /// Zero behind the surface and along it.
+    /// Radiance that leaves `point` of this light towards unit `wo` (world):
+    /// see [`AreaEmission::emitted`].
     #[must_use]
     pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
         self.emission.emitted(point, wo)
@@ -155,7 +166,7 @@ impl AreaLight {
     }
 
     /// A point of the light, or of one primitive of it. Nothing where all of it
-    /// lies below the receiver's horizon, or the receiver behind it.
+    /// lies below the receiver's horizon, or the receiver on a side that is black.
     pub(super) fn sample(
         &self,
         geometry: &Geometry,
@@ -169,7 +180,7 @@ impl AreaLight {
         } else {
             self.choose_placed(geometry, receiver, prim, u)?
         };
-        let radiance = self.emission.front(chosen.n, -chosen.wi, chosen.uv);
+        let radiance = self.emission.towards(chosen.n, -chosen.wi, chosen.uv);
         Some(LightSample {
             wi: chosen.wi,
             radiance,
@@ -218,9 +229,10 @@ impl AreaLight {
         self.power
     }
 
-    /// Mean radiance of one part, grey.
+    /// Mean radiance of one part, grey, of all sides that emit together.
     pub(super) fn radiance_of(&self, prim: PrimId) -> f64 {
-        self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()))
+        let mean = self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()));
+        mean * self.emission.sides()
     }
 
     /// Bytes of tables and images; instances share them.

@@ -57,8 +57,9 @@ pub fn area_emission_from_desc(scene: &SceneDesc, id: ObjectId) -> Result<AreaEm
             .error_at("radiance", "`radiance` cannot be read from attributes of the mesh")
             .hint("a `bitmap` over the mesh's own texture coordinates can"));
     }
+    let both_sides = plugin == "area" && params.bool("two_sided", false)?;
     params.finish()?;
-    Ok(AreaEmission { radiance, weight })
+    Ok(AreaEmission { radiance, both_sides, weight })
 }
 
 fn weight(params: &Params) -> Result<f32> {

@@ -48,7 +48,7 @@ impl Materials<'_> {
         Opacity { recipe, texture }
     }
 
-    /// Light that the surface gives off. Area lights shine on the front only.
+    /// Light that the surface gives off.
     pub(super) fn emission(
         &mut self,
         objects: &mut Objects,
@@ -113,9 +113,6 @@ impl Materials<'_> {
         if factor == [0.0; 3] {
             return None;
         }
-        if material.double_sided {
-            objects.warn(place, "glows on its front only, though it is double-sided");
-        }
         if vertex.alpha {
             objects.warn(place, "glows where the alpha of its vertices hides it");
         }
@@ -132,6 +129,10 @@ impl Materials<'_> {
             }
         };
         let radiance = textured.unwrap_or(Value::Rgb(factor));
-        Some(objects.add(Category::Emitter, "area", pos, vec![("radiance", radiance)]))
+        let mut params = vec![("radiance", radiance)];
+        if material.double_sided {
+            params.push(("two_sided", Value::Bool(true)));
+        }
+        Some(objects.add(Category::Emitter, "area", pos, params))
     }
 }
