@@ -89,6 +89,35 @@ fn green_of_a_normal_map_is_along_the_bitangent() {
     }
 }
 
+/// The coat's map is scaled by itself: z stays what it is.
+#[test]
+fn the_scale_of_a_coats_normal_map() {
+    for scale in [0.0, 0.5, 1.0, 2.0] {
+        let file = with_tangents(Some([1.0, 0.0, 0.0, 1.0]), DOWN, |f| {
+            let map = f.texture(1, &[[160, 128, 250, 255]]);
+            json!({"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+                "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.1,
+                "clearcoatNormalTexture": {"index": map, "scale": scale}}}})
+        });
+        let desc = file.load().unwrap();
+        let bsdf = only(&desc, Category::Bsdf, "gltf");
+        assert_eq!(float(bsdf, "clearcoat_normal_scale"), scale);
+        // The coat mirrors what comes straight down by twice the slope of its normal.
+        let scene = Scene::build(&desc, &BuildOptions::default()).unwrap();
+        let film = Vec2::new(scene.film.size[0] as f32, scene.film.size[1] as f32) * 0.5;
+        let ray = scene.camera_ray(film, Vec2::splat(0.5), 0.0);
+        let surface = scene.surface(&ray, &scene.closest(&ray).unwrap());
+        let mut room = Scatter::default();
+        let met = scene.interact(&surface, Vec3::Z, &etendue::scene::Carried::NOTHING, &mut room);
+        let value = |wi: Vec3| met.scatter.eval_pdf(Vec3::Z, wi).0.x;
+        let angle = |degrees: f32| Vec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
+        let best =
+            (-800..=800).map(|k| k as f32 * 0.1).max_by(|a, b| value(angle(*a)).total_cmp(&value(angle(*b))));
+        let expected = 2.0 * (scale as f32 * 65.0).atan2(245.0).to_degrees();
+        assert!((best.unwrap() - expected).abs() < 0.6, "{scale}: {best:?}, not {expected}");
+    }
+}
+
 /// An angle from T towards B.
 #[test]
 fn anisotropy_turns_towards_the_bitangent() {
@@ -236,6 +265,34 @@ fn alpha_weighs_emission() {
     // Another image says where it is cut out, and that cannot be followed.
     let other = textured("MASK", false, true);
     assert!(warns(&other, &["materials[0]", "glows where its alpha"]), "{:?}", other.warnings);
+}
+
+/// Five sets of coordinates beyond the first, each read by a texture.
+#[test]
+fn many_sets_of_coordinates() {
+    let mut file = Gltf::default();
+    let mut square = file.square();
+    for set in 0..6 {
+        let at = (set as f32 + 0.5) / 6.0;
+        square["attributes"][format!("TEXCOORD_{set}")] = json!(file.floats(&[at, 0.5].repeat(4), "VEC2"));
+    }
+    square["attributes"]["COLOR_0"] = json!(file.floats(&[0.5f32, 1.0, 1.0].repeat(4), "VEC3"));
+    let shade = |k: u8| [40 * k, 255, 255, 255];
+    let map = file.texture(6, &[0, 1, 2, 3, 4, 5].map(shade));
+    let info = |set: u32| json!({"index": map, "texCoord": set});
+    square["material"] = json!(file.push(
+        "materials",
+        json!({
+        "pbrMetallicRoughness": {"baseColorTexture": info(5), "metallicRoughnessTexture": info(1)},
+        "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": info(2)},
+            "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(3)},
+            "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": info(4)}}})
+    ));
+    let mesh = file.mesh(square);
+    file.node(json!({"mesh": mesh}));
+    let desc = file.load().unwrap();
+    assert_eq!(desc.attribute_names().len(), 6);
+    Scene::build(&desc, &BuildOptions::default()).unwrap();
 }
 
 /// An image without alpha has the alpha 1.

@@ -13,7 +13,7 @@ mod describe;
 use describe::{Describe, float, string, transform};
 use etendue::desc::{Category, Error, Pixels, Value};
 use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec4};
-use etendue::texture::{Coords, Texture, Usage, texture_from_desc, texture_param};
+use etendue::texture::{Coords, MAX_ATTRIBUTES, Texture, Usage, texture_from_desc, texture_param};
 
 const FLOATS: [f32; 18] =
     [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.9, 0.1, 0.5, 0.2, 0.3, 0.1, 0.6, 0.6, 0.2];
@@ -384,7 +384,8 @@ fn attributes_are_numbered_and_read() {
     assert_eq!(d.scene.attribute_names(), ["vertex_color", "vertex_uv1"]);
     assert!(colour.reads_attributes() && second.reads_attributes());
 
-    let attributes = [Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0), Vec4::ZERO, Vec4::ZERO];
+    let mut attributes = [Vec4::ZERO; MAX_ATTRIBUTES];
+    attributes[..2].copy_from_slice(&[Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0)]);
     let at = Coords { uv: Vec2::new(0.9, 0.95), attributes: Some(&attributes) };
     assert_eq!(colour.eval(at), Rgb::new(0.1, 0.2, 0.3));
     check("second", &second, [0.0, 0.0], second.eval(Vec2::ZERO).to_array(), None);
