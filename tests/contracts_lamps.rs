@@ -248,7 +248,7 @@ impl Case<'_> {
         window.each(32, |cell, wi, solid_angle| {
             let Some(hit) = self.closest(wi) else { return };
             let pdf = f64::from(self.pdf(&hit, wi));
-            let le = self.area.emitted(&hit, -wi).as_dvec3();
+            let le = self.area.emitted(self.geometry, &hit, -wi).as_dvec3();
             assert!(pdf >= 0.0 && pdf.is_finite(), "{name}: {pdf}");
             if pdf == 0.0 {
                 dark += le.element_sum() * solid_angle;

@@ -596,7 +596,7 @@ fn area_lights_agree_with_rays_that_hit_them() {
         let seen: DVec3 = grid
             .integrate(|d| {
                 let hit = closest(geometry, &Ray::new(*p, d));
-                hit.map_or(DVec3::ZERO, |hit| area.emitted(&hit, -d).as_dvec3())
+                hit.map_or(DVec3::ZERO, |hit| area.emitted(geometry, &hit, -d).as_dvec3())
             })
             .into_iter()
             .sum();
@@ -622,7 +622,7 @@ fn area_lights_agree_with_rays_that_hit_them() {
                 assert!((pdf / s.pdf - 1.0).abs() < 2e-3, "{name}: densities {pdf} and {}", s.pdf);
             }
             compared += 1;
-            let same = (area.emitted(&hit, -s.wi) - s.radiance).length() < 1e-3;
+            let same = (area.emitted(geometry, &hit, -s.wi) - s.radiance).length() < 1e-3;
             differ += u32::from(hit.prim == target.prim && !same);
         }
         // Rounding moves a few points over the edge of a square of the texture.

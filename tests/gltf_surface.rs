@@ -330,6 +330,64 @@ fn unlit_says_what_it_goes_without() {
     assert!(matches!(param(emitter, "two_sided"), Some(Value::Bool(true))));
 }
 
+/// Base colour × colour of the vertices (× their alpha), the same whether a ray
+/// finds the place or the lamp is sampled; still, in a moving node, and lit.
+#[test]
+fn unlit_vertex_colours() {
+    for (moves, blends) in [(false, false), (true, false), (false, true)] {
+        let mut file = Gltf::default();
+        let mut square = file.square();
+        let colors = [1., 0., 0., 1., 0., 1., 0., 0.5, 0., 0., 1., 0.25, 1., 1., 1., 0.];
+        square["attributes"]["COLOR_0"] = json!(file.floats(&colors, "VEC4"));
+        square["material"] = json!(file.push(
+            "materials",
+            json!({
+            "alphaMode": if blends { "BLEND" } else { "OPAQUE" },
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]},
+            "extensions": {"KHR_materials_unlit": {}}})
+        ));
+        let mesh = file.mesh(square);
+        file.node(json!({"mesh": mesh}));
+        if moves {
+            let input = file.floats(&[0.0, 1.0], "SCALAR");
+            let output = file.floats(&[0., 0., 0., 0.2, 0., 0.], "VEC3");
+            file.push(
+                "animations",
+                json!({"channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+                    "samplers": [{"input": input, "output": output}]}),
+            );
+        }
+        let options = LoadOptions { frame: Some(0.0), shutter: Some([0.0, 24.0]), ..LoadOptions::default() };
+        let desc = file.load_with(&options).unwrap();
+        assert!(!warns(&desc, &["materials[0]"]), "{:?}", desc.warnings);
+        let scene = Scene::build(&desc, &BuildOptions::default()).unwrap();
+        let time = 0.5;
+        let shift = Vec3::new(if moves { 0.1 } else { 0.0 }, 0.0, 0.0) - scene.recentre.as_vec3();
+        // Of the square the triangles 0 1 2 and 0 2 3.
+        let expected = |x: f32, y: f32| {
+            let corner = |k: usize| [0, 1, 2, 3].map(|c| colors[4 * k + c]);
+            let weights =
+                if y < x { [(0, 1.0 - x), (1, x - y), (2, y)] } else { [(0, 1.0 - y), (2, x), (3, y - x)] };
+            let mut c = [0.0; 4];
+            weights.iter().for_each(|(k, w)| (0..4).for_each(|i| c[i] += w * corner(*k)[i]));
+            Vec3::new(0.5 * c[0], c[1], c[2]) * if blends { c[3] } else { 1.0 }
+        };
+        let light = scene.lights.iter().find(|l| l.name() == "area").unwrap();
+        let receiver =
+            etendue::light::Receiver { time, ..etendue::light::Receiver::free(Vec3::Z * 2.0 + shift) };
+        for k in 0..200 {
+            let u = Vec2::new((k as f32 * 0.618).fract(), (k as f32 * 0.414).fract());
+            let Some(s) = light.sample(&scene.geometry, &receiver, u) else { continue };
+            let ray = etendue::math::Ray { time, ..etendue::math::Ray::new(receiver.p, s.wi) };
+            let surface = scene.surface(&ray, &scene.closest(&ray).unwrap());
+            let place = surface.p - shift;
+            let found = scene.emitted(&surface, -s.wi);
+            assert!(found.distance(expected(place.x, place.y)) < 1e-4, "{place}: {found}");
+            assert!(found.distance(s.radiance) < 1e-4, "{place}: {found}, sampled {}", s.radiance);
+        }
+    }
+}
+
 /// What shrinks to nothing is gone at the end.
 #[test]
 fn a_motion_to_scale_zero_vanishes() {

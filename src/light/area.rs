@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, Pattern, PrimId, ShapeSample, ShapeSampler, SurfacePoint};
-use crate::texture::Texture;
+use crate::texture::{Coords, Texture};
 
 /// What an `area` emitter says about itself.
 ///
@@ -13,12 +13,16 @@ use crate::texture::Texture;
 /// |-|-|-|
 /// | `radiance` | 1 | emitted radiance; may be a texture |
 /// | `two_sided` | false | the back emits as the front does (Mitsuba has front only) |
+/// | `vertex_color`, `vertex_alpha` | false | multiply it with the mesh's attribute of that name: 0 where there is none |
 #[derive(Clone, Debug)]
 pub struct AreaEmission {
     /// Emitted radiance, the same in all directions on a side that emits.
     pub radiance: Texture,
     /// `two_sided`: not the front alone emits.
     pub both_sides: bool,
+    /// Attributes of the mesh that multiply it. Choosing lights and points of
+    /// them goes by `radiance` alone.
+    pub tints: Vec<Texture>,
     /// `sampling_weight`.
     pub weight: f32,
 }
@@ -27,8 +31,19 @@ impl AreaEmission {
     /// Radiance that leaves `point` of the shape towards unit `wo` (world).
     /// Zero along the surface, and behind one that emits on its front only.
     #[must_use]
-    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.towards(point.ns, wo, point.uv)
+    #[inline]
+    pub fn emitted(&self, geometry: &Geometry, point: &SurfacePoint, wo: Vec3) -> Rgb {
+        let radiance = self.towards(point.ns, wo, point.uv);
+        if self.tints.is_empty() { radiance } else { radiance * self.tint(geometry, point) }
+    }
+
+    /// What attributes of the mesh multiply at a point. Texels and colours below
+    /// 0 take no light away.
+    #[cold]
+    fn tint(&self, geometry: &Geometry, point: &SurfacePoint) -> Rgb {
+        let attributes = geometry.attributes(point);
+        let at = Coords { uv: point.uv, attributes: Some(&attributes) };
+        self.tints.iter().map(|t| t.eval(at).max(Rgb::ZERO)).product()
     }
 
     fn towards(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
@@ -107,8 +122,9 @@ impl AreaLight {
     /// Radiance that leaves `point` of this light towards unit `wo` (world):
     /// see [`AreaEmission::emitted`].
     #[must_use]
-    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.emission.emitted(point, wo)
+    #[inline]
+    pub fn emitted(&self, geometry: &Geometry, point: &SurfacePoint, wo: Vec3) -> Rgb {
+        self.emission.emitted(geometry, point, wo)
     }
 
     /// Density per solid angle at the receiver with which [`super::Light::sample`]
@@ -180,13 +196,31 @@ impl AreaLight {
         } else {
             self.choose_placed(geometry, receiver, prim, u)?
         };
-        let radiance = self.emission.towards(chosen.n, -chosen.wi, chosen.uv);
+        let mut radiance = self.emission.towards(chosen.n, -chosen.wi, chosen.uv);
+        if !self.emission.tints.is_empty() {
+            radiance *= self.tint(geometry, receiver, &chosen)?;
+        }
         Some(LightSample {
             wi: chosen.wi,
             radiance,
             pdf: chosen.pdf,
             delta: false,
             target: Target::Surface(chosen),
+        })
+    }
+
+    /// [`AreaEmission::tint`] at a point that was chosen.
+    #[cold]
+    fn tint(&self, geometry: &Geometry, receiver: &Receiver, chosen: &ShapeSample) -> Option<Rgb> {
+        let p = match geometry.instance(self.instance) {
+            None => chosen.p,
+            Some(instance) => instance.at(receiver.time).point_to_local(chosen.p),
+        };
+        // Of what is no triangle nothing has attributes.
+        let [u, v] = geometry.triangle(chosen.prim).map_or([0.0; 2], |t| barycentric(p, &t));
+        let hit = Hit { t: 1.0, prim: chosen.prim, u, v, instance: Hit::NO_INSTANCE };
+        geometry.analytic(chosen.prim).is_none().then(|| {
+            self.emission.tint(geometry, &geometry.triangle_surface(self.sampler.shape(), &hit, 0.0))
         })
     }
 
@@ -240,4 +274,15 @@ impl AreaLight {
     pub fn memory_bytes(&self) -> usize {
         self.sampler.memory_bytes() + self.emission.radiance.memory_bytes()
     }
+}
+
+/// The weights of the second and third vertex at a point of a triangle, which
+/// may be off its plane by rounding.
+fn barycentric(p: Vec3, [a, b, c]: &[Vec3; 3]) -> [f32; 2] {
+    let [p, x, y] = [p, *b, *c].map(|v| v.as_dvec3() - a.as_dvec3());
+    let normal = x.cross(y);
+    let scale = 1.0 / normal.length_squared();
+    let u = (p.cross(y).dot(normal) * scale).clamp(0.0, 1.0);
+    let v = (x.cross(p).dot(normal) * scale).clamp(0.0, 1.0 - u);
+    [u as f32, v as f32]
 }

@@ -7,7 +7,7 @@ use super::spot::{Cone, Falloff};
 use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot, sky_parse};
 use crate::desc::{Error, ObjectId, Params, Result, SceneDesc};
 use crate::math::{DVec3, Rgb, Transform};
-use crate::texture::{Texture, Usage, texture_param, texture_param_opt};
+use crate::texture::{Texture, Usage, attribute_texture, texture_param, texture_param_opt};
 
 /// Reads the `<emitter>` object `id`, any kind but `area`. World positions
 /// have `recentre` subtracted in f64. Fails with the place in the file on
@@ -58,8 +58,14 @@ pub fn area_emission_from_desc(scene: &SceneDesc, id: ObjectId) -> Result<AreaEm
             .hint("a `bitmap` over the mesh's own texture coordinates can"));
     }
     let both_sides = plugin == "area" && params.bool("two_sided", false)?;
+    let mut tints = Vec::new();
+    for name in ["vertex_color", "vertex_alpha"] {
+        if plugin == "area" && params.bool(name, false)? {
+            tints.push(attribute_texture(&params, name)?);
+        }
+    }
     params.finish()?;
-    Ok(AreaEmission { radiance, both_sides, weight })
+    Ok(AreaEmission { radiance, both_sides, tints, weight })
 }
 
 fn weight(params: &Params) -> Result<f32> {

@@ -231,9 +231,12 @@ impl Scene {
     pub fn emitted(&self, surface: &SurfacePoint, wo: Vec3) -> Rgb {
         let Some(index) = self.light_of_shape(surface.shape) else { return Rgb::ZERO };
         match self.lights.get(index as usize) {
-            Some(Light::Area(area)) => area.emitted(surface, wo),
+            Some(Light::Area(area)) => area.emitted(&self.geometry, surface, wo),
             Some(_) => Rgb::ZERO,
-            None => self.lamps.emission(index as usize - self.lights.len()).emitted(surface, wo),
+            None => {
+                let emission = self.lamps.emission(index as usize - self.lights.len());
+                emission.emitted(&self.geometry, surface, wo)
+            }
         }
     }
 
