@@ -26,7 +26,7 @@ type Params = Vec<(&'static str, Value)>;
 fn read(plugin: &str, params: Params) -> Result<Light, Error> {
     let mut d = Describe::new();
     let id = d.object(Category::Emitter, plugin, params);
-    emitter_from_desc(&d.scene, id, DVec3::ZERO)
+    emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2])
 }
 
 fn empty() -> Geometry {
@@ -174,7 +174,7 @@ fn env_map(size: [u32; 2], pixels: Vec<f32>, more: Params) -> Result<Light, Erro
     let mut params = vec![("filename", string("map.exr")), ("image", image)];
     params.extend(more);
     let id = d.object(Category::Emitter, "envmap", params);
-    emitter_from_desc(&d.scene, id, DVec3::ZERO)
+    emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2])
 }
 
 #[test]
@@ -355,7 +355,7 @@ fn spots_are_mitsubas() {
     let texture = d.object(Category::Texture, "bitmap", params);
     let params = vec![pose(), ("cutoff_angle", float(40.0)), ("texture", Value::Object(texture))];
     let id = d.object(Category::Emitter, "spot", params);
-    let light = emitter_from_desc(&d.scene, id, DVec3::ZERO).unwrap();
+    let light = emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2]).unwrap();
     let radiance = [
         [0.075, 0.1, 0.0875],
         [0.1049679, 0.1225715, 0.09489709],
@@ -472,7 +472,7 @@ fn recentring_is_done_in_double_precision() {
         d.object(Category::Emitter, "point", vec![("position", vector(1e9 + 1.0, 2.0 - 1e9, 3.0 + 1e9))]);
     let spot = d.object(Category::Emitter, "spot", vec![("to_world", transform(to_world))]);
     for id in [point, spot] {
-        let light = emitter_from_desc(&d.scene, id, far).unwrap();
+        let light = emitter_from_desc(&d.scene, id, far, [0.0; 2]).unwrap();
         let s = light.sample(&empty(), &Receiver::free(Vec3::from(POINTS[1])), Vec2::ZERO).unwrap();
         assert!((s.wi - Vec3::from(TOWARDS[1])).length() < 2e-6, "{}", s.wi);
         assert!((s.radiance.x - 0.2347418).abs() < 1e-6);

@@ -46,7 +46,7 @@ pub struct Emitter {
 }
 
 /// Added to the spread of normals: rounding never hides a light.
-const SLACK: f32 = 1e-4;
+pub(super) const SLACK: f32 = 1e-4;
 
 impl Light {
     /// The emitters it consists of; none for lights at infinity.
@@ -76,6 +76,7 @@ impl Light {
                 // Not falling off with distance as others do: bounded by nothing.
                 one(Extent { radius, ..all })
             }
+            Light::Moving(light) => light.extent().into_iter().flat_map(one).collect(),
             Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) | Light::SunSky(_) => Vec::new(),
         }
     }
@@ -83,7 +84,7 @@ impl Light {
 
 impl Extent {
     /// Shines from the box in all directions.
-    fn everywhere(bounds: Bounds, radius: f32, power: f64) -> Extent {
+    pub(super) fn everywhere(bounds: Bounds, radius: f32, power: f64) -> Extent {
         Extent { bounds, radius, axis: Vec3::Z, spread: PI, falloff: FRAC_PI_2, both_sides: false, power }
     }
 

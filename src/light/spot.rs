@@ -18,7 +18,7 @@ use crate::texture::Texture;
 /// | `beam_width` | ¾ of `cutoff_angle` | degrees from the axis where it starts to fall |
 /// | `falloff` | `linear` | between the two angles: `linear` in the angle, or `squared`: the square of what is linear in its cosine |
 /// | `texture` | none | projected: \[0, 1\]² is the square around the cone; `cutoff_angle` < 90 |
-/// | `to_world` | identity | light to world |
+/// | `to_world` | identity | light to world; may be an `<animation>` |
 #[derive(Clone, Debug)]
 pub struct Spot {
     /// Intensity on the axis, without the texture.
@@ -104,11 +104,16 @@ impl Spot {
     }
 
     pub(super) fn sample(&self, ref_p: Vec3) -> Option<LightSample> {
-        let (wi, distance) = direction(ref_p, self.position)?;
-        let d = (self.to_local * -wi).as_dvec3();
+        self.sample_from((self.position, self.to_local), ref_p)
+    }
+
+    /// The same of one that stands elsewhere.
+    pub(super) fn sample_from(&self, (position, to_local): (Vec3, Mat3), ref_p: Vec3) -> Option<LightSample> {
+        let (wi, distance) = direction(ref_p, position)?;
+        let d = (to_local * -wi).as_dvec3();
         let share = self.cone.share(d.x.hypot(d.y).atan2(d.z));
         let radiance = fall_off(self.intensity, share, distance) * self.projected(d.as_vec3(), share);
-        Some(LightSample { wi, radiance, pdf: 1.0, delta: true, target: Target::Point(self.position) })
+        Some(LightSample { wi, radiance, pdf: 1.0, delta: true, target: Target::Point(position) })
     }
 
     /// The texture's colour in a local direction.
@@ -131,9 +136,14 @@ impl Spot {
     /// fall and ends; `None` when the transform is no similarity, so that its
     /// cone is not round.
     pub(super) fn cone(&self) -> Option<(Vec3, f32, f32)> {
-        let square = self.to_local * self.to_local.transpose();
+        self.cone_of(self.to_local)
+    }
+
+    /// The same of one that is turned otherwise.
+    pub(super) fn cone_of(&self, to_local: Mat3) -> Option<(Vec3, f32, f32)> {
+        let square = to_local * to_local.transpose();
         let round = (square * (1.0 / square.x_axis.x) - Mat3::IDENTITY).to_cols_array();
-        let axis = (self.to_local.transpose() * Vec3::Z).try_normalize()?;
+        let axis = (to_local.transpose() * Vec3::Z).try_normalize()?;
         let similar = round.iter().all(|x| x.abs() < 1e-5);
         similar.then_some((axis, self.cone.beam as f32, self.cone.cutoff as f32))
     }
