@@ -73,7 +73,7 @@ fn looks() -> Vec<Look> {
 }
 
 /// The first shape of a geometry as a light with that picture, in two colours.
-fn lamp(geometry: &Geometry, look: &Look) -> AreaLight {
+fn lamp(geometry: &Geometry, look: &Look, both_sides: bool) -> AreaLight {
     let mut d = Describe::new();
     let [width, height] = look.size;
     let texels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
@@ -84,7 +84,8 @@ fn lamp(geometry: &Geometry, look: &Look) -> AreaLight {
     let mut params = vec![("filename", string("lamp.exr")), ("image", image)];
     params.extend(look.params.iter().cloned());
     let texture = d.object(Category::Texture, "bitmap", params);
-    let id = d.object(Category::Emitter, "area", vec![("radiance", Value::Object(texture))]);
+    let params = vec![("radiance", Value::Object(texture)), ("two_sided", Value::Bool(both_sides))];
+    let id = d.object(Category::Emitter, "area", params);
     let emission = area_emission_from_desc(&d.scene, id).expect("an emitter");
     AreaLight::new(geometry, ShapeSampler::new(geometry, 0).expect("a shape with area"), emission)
 }
@@ -247,7 +248,7 @@ impl Case<'_> {
         window.each(32, |cell, wi, solid_angle| {
             let Some(hit) = self.closest(wi) else { return };
             let pdf = f64::from(self.pdf(&hit, wi));
-            let le = self.area.emitted(&hit, -wi).as_dvec3();
+            let le = self.area.emitted(self.geometry, &hit, -wi).as_dvec3();
             assert!(pdf >= 0.0 && pdf.is_finite(), "{name}: {pdf}");
             if pdf == 0.0 {
                 dark += le.element_sum() * solid_angle;
@@ -310,9 +311,13 @@ fn textured_lamps_sample_what_they_say() {
     for (shape, geometry, points) in shapes() {
         let accel = Accel::build_named(Some("brute"), &geometry).unwrap();
         for look in looks() {
-            let area = lamp(&geometry, &look);
-            for p in &points {
-                let name = format!("{shape}, {} from {p}", look.name);
+            // Those on both sides are seen from behind.
+            let front = points.iter().map(|p| (*p, false));
+            let back = [(Vec3::new(-0.2, 0.1, 2.0), true), (Vec3::new(0.5, 1.0, 6.0), true)];
+            for (p, both_sides) in front.chain(back) {
+                let area = lamp(&geometry, &look, both_sides);
+                let p = &p;
+                let name = format!("{shape}, {} from {p}, both sides: {both_sides}", look.name);
                 let receiver = Receiver::free(*p);
                 let corners = geometry.bounds().corners().map(|c| c.as_vec3()).to_vec();
                 Case { name, geometry: &geometry, accel: &accel, area: &area, receiver, corners }.check();
@@ -320,7 +325,7 @@ fn textured_lamps_sample_what_they_say() {
             }
         }
     }
-    assert_eq!(cases, 8 * 6 * 2);
+    assert_eq!(cases, 8 * 6 * 4);
 }
 
 /// Shapes of a group, that shine upwards in its space.
@@ -385,7 +390,7 @@ fn ways() -> Vec<(&'static str, Motion, Vec<f32>)> {
     ]
 }
 
-fn plain_lamp(geometry: &Geometry, textured: bool) -> AreaLight {
+fn plain_lamp(geometry: &Geometry, textured: bool, both_sides: bool) -> AreaLight {
     let look = Look {
         name: "",
         size: [4, 4],
@@ -393,7 +398,7 @@ fn plain_lamp(geometry: &Geometry, textured: bool) -> AreaLight {
         params: vec![("filter_type", string("nearest"))],
     };
     let even = Look { name: "", size: [1, 1], value: |_, _| 2.0, params: vec![] };
-    lamp(geometry, if textured { &look } else { &even })
+    lamp(geometry, if textured { &look } else { &even }, both_sides)
 }
 
 fn textured_value(x: u32, y: u32) -> bool {
@@ -411,26 +416,27 @@ fn placed_lamps_sample_what_they_say() {
             let geometry = builder.finish();
             let accel = Accel::build_named(Some("brute"), &geometry).unwrap();
             for textured in [false, true] {
-                let area = plain_lamp(&geometry, textured).placed(&geometry, geometry.first_instance());
-                for time in &times {
-                    for height in [1.5, 6.0] {
-                        // Above it in its own space.
-                        let pose = motion.at(f64::from(*time));
-                        let p = pose.point_f32(Vec3::new(0.2, 0.1, height));
-                        let corners =
-                            geometry.part_bounds(1).corners().map(|c| pose.point(c).as_vec3()).to_vec();
-                        let receiver = Receiver { time: *time, ..Receiver::free(p) };
-                        let name =
-                            format!("{shape}, {way} at {time}, textured {textured}, from height {height}");
-                        Case { name, geometry: &geometry, accel: &accel, area: &area, receiver, corners }
-                            .check();
-                        cases += 1;
-                    }
+                for (time, (height, both_sides)) in times
+                    .iter()
+                    .flat_map(|time| [(1.5, false), (6.0, false), (-2.0, true)].map(|view| (time, view)))
+                {
+                    let area = plain_lamp(&geometry, textured, both_sides)
+                        .placed(&geometry, geometry.first_instance());
+                    // Above it in its own space.
+                    let pose = motion.at(f64::from(*time));
+                    let p = pose.point_f32(Vec3::new(0.2, 0.1, height));
+                    let corners = geometry.part_bounds(1).corners().map(|c| pose.point(c).as_vec3()).to_vec();
+                    let receiver = Receiver { time: *time, ..Receiver::free(p) };
+                    let name = format!(
+                        "{shape}, {way} at {time}, textured {textured}, from height {height}, both sides: {both_sides}"
+                    );
+                    Case { name, geometry: &geometry, accel: &accel, area: &area, receiver, corners }.check();
+                    cases += 1;
                 }
             }
         }
     }
-    assert_eq!(cases, 4 * 7 * 2 * 2);
+    assert_eq!(cases, 4 * 7 * 2 * 3);
 }
 
 /// Whatever the time, every point of a lamp lies within its bounds, and its
@@ -445,7 +451,7 @@ fn bounds_hold_over_the_shutter() {
             builder.add_instance(1, motion.clone());
             let geometry = builder.finish();
             let light =
-                Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
+                Light::from(plain_lamp(&geometry, false, false).placed(&geometry, geometry.first_instance()));
             let emitters = light.emitters(&geometry, 0);
             assert!(!emitters.is_empty());
             let power: f64 = emitters.iter().map(|e| e.extent.power).sum();
@@ -498,7 +504,8 @@ fn placed_lamps_do_not_shadow_themselves() {
         builder.add_instance(1, motion.clone());
         let geometry = builder.finish();
         let accel = Accel::build_named(None, &geometry).unwrap();
-        let light = Light::from(plain_lamp(&geometry, false).placed(&geometry, geometry.first_instance()));
+        let light =
+            Light::from(plain_lamp(&geometry, false, false).placed(&geometry, geometry.first_instance()));
         for i in 0..4000 {
             let time: f32 = rng.random();
             let far = 10f32.powf(4.0 * rng.random::<f32>());
@@ -551,7 +558,8 @@ fn a_grey_picture_adds_no_noise() {
         let image = d.image([9, 5], 1, Pixels::F32((0..45).map(|i| noise(i, 0).powi(8)).collect()));
         let params = vec![("filename", string("l.exr")), ("image", image), ("filter_type", string(filter))];
         let texture = d.object(Category::Texture, "bitmap", params);
-        let id = d.object(Category::Emitter, "area", vec![("radiance", Value::Object(texture))]);
+        let params = vec![("radiance", Value::Object(texture))];
+        let id = d.object(Category::Emitter, "area", params);
         let emission = area_emission_from_desc(&d.scene, id).unwrap();
         let area = AreaLight::new(&geometry, ShapeSampler::new(&geometry, 0).unwrap(), emission);
         let mean = area.sampler.mean_of_all().unwrap();
@@ -575,7 +583,7 @@ fn a_grey_picture_adds_no_noise() {
 fn triangles_are_chosen_by_their_light() {
     let (_, geometry, _) = shapes().pop().unwrap();
     let look = Look { name: "", size: [16, 16], value: |x, y| if x > y { 1.0 } else { 0.0 }, params: vec![] };
-    let area = lamp(&geometry, &look);
+    let area = lamp(&geometry, &look, false);
     let means = [0, 1].map(|prim| area.sampler.mean_pattern(prim).unwrap());
     let mean = area.sampler.mean_of_all().unwrap();
     assert!(means[0] > 6.0 * means[1] && means[1] > 0.0, "{means:?}");

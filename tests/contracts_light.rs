@@ -26,7 +26,7 @@ type Params = Vec<(&'static str, Value)>;
 fn read(plugin: &str, params: Params) -> Result<Light, Error> {
     let mut d = Describe::new();
     let id = d.object(Category::Emitter, plugin, params);
-    emitter_from_desc(&d.scene, id, DVec3::ZERO)
+    emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2])
 }
 
 fn empty() -> Geometry {
@@ -174,7 +174,7 @@ fn env_map(size: [u32; 2], pixels: Vec<f32>, more: Params) -> Result<Light, Erro
     let mut params = vec![("filename", string("map.exr")), ("image", image)];
     params.extend(more);
     let id = d.object(Category::Emitter, "envmap", params);
-    emitter_from_desc(&d.scene, id, DVec3::ZERO)
+    emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2])
 }
 
 #[test]
@@ -355,7 +355,7 @@ fn spots_are_mitsubas() {
     let texture = d.object(Category::Texture, "bitmap", params);
     let params = vec![pose(), ("cutoff_angle", float(40.0)), ("texture", Value::Object(texture))];
     let id = d.object(Category::Emitter, "spot", params);
-    let light = emitter_from_desc(&d.scene, id, DVec3::ZERO).unwrap();
+    let light = emitter_from_desc(&d.scene, id, DVec3::ZERO, [0.0; 2]).unwrap();
     let radiance = [
         [0.075, 0.1, 0.0875],
         [0.1049679, 0.1225715, 0.09489709],
@@ -365,6 +365,37 @@ fn spots_are_mitsubas() {
         [0.0; 3],
     ];
     check_delta("textured", &light, &rows(radiance));
+}
+
+/// KHR_lights_punctual: clamp((cos θ − cos c) / (cos b − cos c))², which over all
+/// directions is 2π·(1 − cos b + (cos b − cos c) / 3).
+#[test]
+fn squared_spots_are_gltfs() {
+    for [beam, cutoff] in [[10.0f64, 40.0], [0.0, 45.0], [0.0, 90.0], [0.01, 0.02], [60.0, 170.0]] {
+        let params = vec![
+            ("beam_width", float(beam)),
+            ("cutoff_angle", float(cutoff)),
+            ("falloff", string("squared")),
+        ];
+        let light = read("spot", params).unwrap();
+        let [b, c] = [beam, cutoff].map(|degrees| degrees.to_radians().cos());
+        for k in 0..60 {
+            let angle = f64::from(k) / 50.0 * cutoff.to_radians();
+            let d = Grid::direction(angle, 0.3);
+            let found = light.sample(&empty(), &Receiver::free(d), Vec2::ZERO).map_or(0.0, |s| s.radiance.x);
+            // The f32 direction is not quite at the angle.
+            let cos = f64::from(d.truncate().length()).atan2(f64::from(d.z)).cos();
+            let expected = ((cos - c) / (b - c)).clamp(0.0, 1.0).powi(2);
+            assert!(
+                (f64::from(found) - expected).abs() < 1e-5,
+                "{beam} {cutoff} {angle}: {found} {expected}"
+            );
+        }
+        let power = TAU * (1.0 - b + (b - c) / 3.0);
+        assert!((light.power(1.0) / power - 1.0).abs() < 1e-8, "{beam} {cutoff}: {}", light.power(1.0));
+    }
+    let wrong = read("spot", vec![("falloff", string("square"))]).unwrap_err().to_string();
+    assert!(wrong.contains("`falloff` has no value `square`; did you mean `squared`?"), "{wrong}");
 }
 
 #[test]
@@ -429,7 +460,7 @@ fn flux_of_local_lights_is_their_power() {
         let (flux, power) = (flux.element_sum() / 3.0, light.power(1.0));
         assert!((flux / power - 1.0).abs() < 1e-3, "{name}: flux {flux}, power {power}");
     }
-    assert_eq!(tested, 4);
+    assert_eq!(tested, 7);
 }
 
 #[test]
@@ -441,7 +472,7 @@ fn recentring_is_done_in_double_precision() {
         d.object(Category::Emitter, "point", vec![("position", vector(1e9 + 1.0, 2.0 - 1e9, 3.0 + 1e9))]);
     let spot = d.object(Category::Emitter, "spot", vec![("to_world", transform(to_world))]);
     for id in [point, spot] {
-        let light = emitter_from_desc(&d.scene, id, far).unwrap();
+        let light = emitter_from_desc(&d.scene, id, far, [0.0; 2]).unwrap();
         let s = light.sample(&empty(), &Receiver::free(Vec3::from(POINTS[1])), Vec2::ZERO).unwrap();
         assert!((s.wi - Vec3::from(TOWARDS[1])).length() < 2e-6, "{}", s.wi);
         assert!((s.radiance.x - 0.2347418).abs() < 1e-6);
@@ -450,12 +481,13 @@ fn recentring_is_done_in_double_precision() {
 }
 
 /// The first shape of a geometry as a light, with a checkerboard or a colour.
-fn area_light(geometry: &Geometry, textured: bool) -> AreaLight {
+fn area_light(geometry: &Geometry, textured: bool, both_sides: bool) -> AreaLight {
     let mut d = Describe::new();
     let params = vec![("color0", Value::Rgb([8.0, 4.0, 2.0])), ("color1", float(1.0))];
     let texture = d.object(Category::Texture, "checkerboard", params);
     let radiance = if textured { Value::Object(texture) } else { float(1.0) };
-    let id = d.object(Category::Emitter, "area", vec![("radiance", radiance)]);
+    let params = vec![("radiance", radiance), ("two_sided", Value::Bool(both_sides))];
+    let id = d.object(Category::Emitter, "area", params);
     let emission = area_emission_from_desc(&d.scene, id).expect("an emitter");
     AreaLight::new(geometry, ShapeSampler::new(geometry, 0).expect("a shape with area"), emission)
 }
@@ -551,14 +583,20 @@ fn closest(geometry: &Geometry, ray: &Ray) -> Option<SurfacePoint> {
 fn area_lights_agree_with_rays_that_hit_them() {
     let shapes = glowing_shapes();
     assert_eq!(shapes.len(), 8);
+    // On both sides, seen from where it is and from behind.
+    let mut views: Vec<_> = shapes.iter().map(|(name, geometry, p)| (*name, geometry, *p, false)).collect();
     for (name, geometry, p) in &shapes {
-        let area = area_light(geometry, true);
+        views.extend([*p, Vec3::new(-0.1, 0.3, 4.0)].map(|p| (*name, geometry, p, true)));
+    }
+    for (name, geometry, p, both_sides) in &views {
+        let name = &format!("{name}, {p}, both sides: {both_sides}");
+        let area = area_light(geometry, true, *both_sides);
         let light = Light::from(area.clone());
         let grid = Grid { rows: 300, columns: 600, fine: 1 };
         let seen: DVec3 = grid
             .integrate(|d| {
                 let hit = closest(geometry, &Ray::new(*p, d));
-                hit.map_or(DVec3::ZERO, |hit| area.emitted(&hit, -d).as_dvec3())
+                hit.map_or(DVec3::ZERO, |hit| area.emitted(geometry, &hit, -d).as_dvec3())
             })
             .into_iter()
             .sum();
@@ -584,7 +622,7 @@ fn area_lights_agree_with_rays_that_hit_them() {
                 assert!((pdf / s.pdf - 1.0).abs() < 2e-3, "{name}: densities {pdf} and {}", s.pdf);
             }
             compared += 1;
-            let same = (area.emitted(&hit, -s.wi) - s.radiance).length() < 1e-3;
+            let same = (area.emitted(geometry, &hit, -s.wi) - s.radiance).length() < 1e-3;
             differ += u32::from(hit.prim == target.prim && !same);
         }
         // Rounding moves a few points over the edge of a square of the texture.
@@ -602,7 +640,7 @@ fn irradiance_under_flat_lights() {
     let expected = [("rectangle", Vec3::ZERO, 1.740839503), ("disk", Vec3::ZERO, PI / 2.0)];
     for (name, p, expected) in expected {
         let (_, geometry, _) = glowing_shapes().into_iter().find(|(n, ..)| *n == name).unwrap();
-        let area = area_light(&geometry, false);
+        let area = area_light(&geometry, false, false);
         let shape_area: f64 = if name == "disk" { PI } else { 4.0 };
         let light = Light::from(area);
         assert!((light.power(1.0) / (PI * shape_area) - 1.0).abs() < 1e-6, "{name}");

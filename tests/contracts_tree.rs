@@ -37,7 +37,7 @@ fn patch(light: u32, p: Vec3, size: f32, axis: Vec3, power: f64) -> Emitter {
         light,
         prim: 0,
         prims: 1,
-        extent: Extent { bounds, radius, axis, spread: 1e-4, falloff, power },
+        extent: Extent { bounds, radius, axis, spread: 1e-4, falloff, both_sides: false, power },
     }
 }
 
@@ -52,7 +52,13 @@ fn sets() -> Vec<(&'static str, Vec<Emitter>)> {
             })
             .collect::<Vec<Emitter>>()
     };
+    let mut some_both: Vec<Emitter> = many(200, &mut |r, _| (place(r), 0.05, 1.0));
+    some_both.iter_mut().step_by(3).for_each(|e| e.extent.both_sides = true);
+    let mut all_both: Vec<Emitter> = many(60, &mut |r, _| (place(r), 0.01, r.random::<f64>()));
+    all_both.iter_mut().for_each(|e| e.extent.both_sides = true);
     vec![
+        ("some on both sides", some_both),
+        ("all on both sides", all_both),
         ("three", many(3, &mut |r, _| (place(r), 0.1, 1.0))),
         ("nine", many(9, &mut |r, _| (place(r), 0.1, 1.0))),
         ("small", many(300, &mut |r, _| (place(r), 0.01, r.random::<f64>()))),
@@ -131,7 +137,7 @@ fn probabilities_are_those_of_sampling_and_sum_to_one() {
             cases += 1;
         }
     }
-    assert_eq!(cases, 13 * 24);
+    assert_eq!(cases, 15 * 24);
 }
 
 /// Where some point of an emitter shines on the receiver, it can be chosen.
@@ -148,8 +154,9 @@ fn nothing_that_shines_is_left_out() {
                 let half = e.extent.bounds.extent() * 0.5;
                 let p = e.extent.bounds.centre() + place(&mut rng) * half;
                 let wi = (p - receiver.p).as_dvec3().normalize_or_zero().as_vec3();
-                let shines =
-                    e.extent.axis.dot(-wi) > 1e-5 && (receiver.two_sided || receiver.n.dot(wi) > 1e-5);
+                let cos = e.extent.axis.dot(-wi);
+                let emits = cos > 1e-5 || (e.extent.both_sides && cos < -1e-5);
+                let shines = emits && (receiver.two_sided || receiver.n.dot(wi) > 1e-5);
                 if shines {
                     assert!(tree.pmf(&receiver, e.light, 0) > 0.0, "{name}: light {}", e.light);
                     seen += 1;

@@ -522,6 +522,7 @@ fn lights() {
     let spot = only(&scene, Category::Emitter, "spot");
     assert!((float(spot, "cutoff_angle") - 0.5_f64.to_degrees()).abs() < 1e-12);
     assert!((float(spot, "beam_width") - 0.1_f64.to_degrees()).abs() < 1e-12);
+    assert_eq!(word(spot, "falloff"), "squared");
     let place = to_world(spot);
     assert!(
         near(place.vector(DVec3::Z), [0.0, -1.0, 0.0]) && near(place.point(DVec3::ZERO), [0.0, 4.0, 0.0])

@@ -7,14 +7,15 @@
 
 #[path = "common/gltf_file.rs"]
 mod gltf_file;
-
-use std::path::{Path, PathBuf};
+#[path = "common/shared_models.rs"]
+mod shared_models;
 
 use etendue::desc::{Category, SceneDesc};
 use etendue::load::{LoadOptions, load};
 use etendue::math::Vec3;
 use etendue::scene::{BuildOptions, Scene};
 use gltf_file::{all, mesh_of};
+use shared_models::{buffers, models};
 
 /// Files that are wrong on purpose or lack a part, and what is said of them.
 const REFUSED: &[(&str, &str)] = &[
@@ -37,28 +38,6 @@ const REFUSED: &[(&str, &str)] = &[
     ("techniqueWebGL/BoxTextured.gltf", "extensionsRequired: `KHR_technique_webgl` is not supported"),
     ("TestScene.gltf", "buffers[0].uri: cannot find the file `TestScene.bin`"),
 ];
-
-fn models() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/scenes/gltf");
-    let found = [folder, Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/scenes/gltf")];
-    let Some(folder) = found.iter().find(|f| f.is_dir()) else {
-        println!("no folder shared/scenes/gltf: skipped");
-        return Vec::new();
-    };
-    let (mut files, mut folders) = (Vec::new(), vec![folder.clone()]);
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            match path.extension().and_then(|e| e.to_str()) {
-                _ if path.is_dir() => folders.push(path),
-                Some("gltf" | "glb") => files.push(path),
-                _ => {}
-            }
-        }
-    }
-    files.sort();
-    files
-}
 
 /// Triangles that are put into the world, and the box around them.
 fn placed(scene: &SceneDesc) -> usize {
@@ -145,20 +124,6 @@ fn triangles_agree_with_the_gltf_crate() {
     }
     println!("{compared} files compared");
     assert!(compared == 0 || compared > 30, "{compared}");
-}
-
-/// The buffers of a file as the crate would find them.
-fn buffers(path: &Path, file: &gltf::Gltf) -> Option<Vec<Vec<u8>>> {
-    use base64::Engine;
-    file.buffers()
-        .map(|buffer| match buffer.source() {
-            gltf::buffer::Source::Bin => file.blob.clone(),
-            gltf::buffer::Source::Uri(uri) => match uri.split_once(";base64,") {
-                Some((_, data)) => base64::engine::general_purpose::STANDARD.decode(data).ok(),
-                None => std::fs::read(path.with_file_name(uri)).ok(),
-            },
-        })
-        .collect()
 }
 
 /// The engine that is stored both ways: as many triangles as the compressed

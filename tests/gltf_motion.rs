@@ -148,6 +148,43 @@ fn a_shutter_gives_keys() {
     assert!(matches!(param(sensor, "to_world"), Some(Value::Motion(_))));
 }
 
+/// Lights of nodes that move get keys; others stand where they are.
+#[test]
+fn lights_that_move() {
+    let half = 0.5f32.sqrt();
+    let mut file =
+        animated("rotation", "LINEAR", &[0., 0., 0., 1., half, 0., 0., half, half, 0., 0., half], "VEC4");
+    file.json["extensions"] = json!({"KHR_lights_punctual": {"lights":
+        [{"type": "point"}, {"type": "spot"}, {"type": "directional"}]}});
+    let light = |k: u32| json!({"KHR_lights_punctual": {"light": k}});
+    for k in 0..3 {
+        file.push("nodes", json!({"translation": [0, 0, 3], "extensions": light(k)}));
+    }
+    file.json["nodes"][0] = json!({"mesh": 0, "children": [1, 2, 3]});
+    file.node(json!({"extensions": light(0), "translation": [7, 0, 0]}));
+    let options = LoadOptions { frame: Some(0.0), shutter: Some([0.0, 24.0]), ..LoadOptions::default() };
+    let scene = file.load_with(&options).unwrap();
+    assert!(!scene.warnings.iter().any(|w| w.contains("light")), "{:?}", scene.warnings);
+    for plugin in ["point", "spot", "directional"] {
+        // The still one, of a root, comes first.
+        let moving = *all(&scene, Category::Emitter, plugin).last().unwrap();
+        let way = motion(moving);
+        // A quarter turn around x takes z to −y, and −z, where they shine, to y.
+        for time in [0.0, 0.37, 0.5, 1.0f64] {
+            let (sin, cos) = (time * std::f64::consts::FRAC_PI_2).sin_cos();
+            let off = way.at(time).point(DVec3::ZERO).distance(DVec3::new(0.0, -3.0 * sin, 3.0 * cos));
+            assert!(off < 1e-3, "{plugin} {time}: {off}");
+            let turned = way.at(time).vector(DVec3::Z).distance(DVec3::new(0.0, sin, -cos));
+            assert!(turned < 2e-4, "{plugin} {time}: {turned}");
+        }
+    }
+    let still = all(&scene, Category::Emitter, "point")[0];
+    assert!(matches!(param(still, "position"), Some(Value::Vector(p)) if near(*p, [7.0, 0.0, 0.0])));
+    let built = etendue::scene::Scene::build(&scene, &etendue::scene::BuildOptions::default()).unwrap();
+    assert_eq!(built.plan.moving_lights, 3);
+    assert_eq!(built.lights.iter().filter(|l| l.moves()).count(), 3);
+}
+
 /// Two targets: the first lifts by 1, the second moves right by 2.
 fn morphing() -> Gltf {
     let mut file = Gltf::default();

@@ -89,6 +89,35 @@ fn green_of_a_normal_map_is_along_the_bitangent() {
     }
 }
 
+/// The coat's map is scaled by itself: z stays what it is.
+#[test]
+fn the_scale_of_a_coats_normal_map() {
+    for scale in [0.0, 0.5, 1.0, 2.0] {
+        let file = with_tangents(Some([1.0, 0.0, 0.0, 1.0]), DOWN, |f| {
+            let map = f.texture(1, &[[160, 128, 250, 255]]);
+            json!({"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+                "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.1,
+                "clearcoatNormalTexture": {"index": map, "scale": scale}}}})
+        });
+        let desc = file.load().unwrap();
+        let bsdf = only(&desc, Category::Bsdf, "gltf");
+        assert_eq!(float(bsdf, "clearcoat_normal_scale"), scale);
+        // The coat mirrors what comes straight down by twice the slope of its normal.
+        let scene = Scene::build(&desc, &BuildOptions::default()).unwrap();
+        let film = Vec2::new(scene.film.size[0] as f32, scene.film.size[1] as f32) * 0.5;
+        let ray = scene.camera_ray(film, Vec2::splat(0.5), 0.0);
+        let surface = scene.surface(&ray, &scene.closest(&ray).unwrap());
+        let mut room = Scatter::default();
+        let met = scene.interact(&surface, Vec3::Z, &etendue::scene::Carried::NOTHING, &mut room);
+        let value = |wi: Vec3| met.scatter.eval_pdf(Vec3::Z, wi).0.x;
+        let angle = |degrees: f32| Vec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
+        let best =
+            (-800..=800).map(|k| k as f32 * 0.1).max_by(|a, b| value(angle(*a)).total_cmp(&value(angle(*b))));
+        let expected = 2.0 * (scale as f32 * 65.0).atan2(245.0).to_degrees();
+        assert!((best.unwrap() - expected).abs() < 0.6, "{scale}: {best:?}, not {expected}");
+    }
+}
+
 /// An angle from T towards B.
 #[test]
 fn anisotropy_turns_towards_the_bitangent() {
@@ -239,6 +268,34 @@ fn alpha_weighs_emission() {
     assert!(warns(&other, &["materials[0]", "glows where its alpha"]), "{:?}", other.warnings);
 }
 
+/// Five sets of coordinates beyond the first, each read by a texture.
+#[test]
+fn many_sets_of_coordinates() {
+    let mut file = Gltf::default();
+    let mut square = file.square();
+    for set in 0..6 {
+        let at = (set as f32 + 0.5) / 6.0;
+        square["attributes"][format!("TEXCOORD_{set}")] = json!(file.floats(&[at, 0.5].repeat(4), "VEC2"));
+    }
+    square["attributes"]["COLOR_0"] = json!(file.floats(&[0.5f32, 1.0, 1.0].repeat(4), "VEC3"));
+    let shade = |k: u8| [40 * k, 255, 255, 255];
+    let map = file.texture(6, &[0, 1, 2, 3, 4, 5].map(shade));
+    let info = |set: u32| json!({"index": map, "texCoord": set});
+    square["material"] = json!(file.push(
+        "materials",
+        json!({
+        "pbrMetallicRoughness": {"baseColorTexture": info(5), "metallicRoughnessTexture": info(1)},
+        "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": info(2)},
+            "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1], "sheenColorTexture": info(3)},
+            "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": info(4)}}})
+    ));
+    let mesh = file.mesh(square);
+    file.node(json!({"mesh": mesh}));
+    let desc = file.load().unwrap();
+    assert_eq!(desc.attribute_names().len(), 6);
+    Scene::build(&desc, &BuildOptions::default()).unwrap();
+}
+
 /// An image without alpha has the alpha 1.
 #[test]
 fn alpha_that_is_not_there_is_one() {
@@ -270,7 +327,66 @@ fn unlit_says_what_it_goes_without() {
         "pbrMetallicRoughness": {"baseColorTexture": {"index": map, "texCoord": 1}}});
     let scene = file.load().unwrap();
     assert!(warns(&scene, &["materials[0]", "glows without its texture"]), "{:?}", scene.warnings);
-    assert!(warns(&scene, &["materials[0]", "on its front only"]));
+    let emitter = only(&scene, Category::Emitter, "area");
+    assert!(matches!(param(emitter, "two_sided"), Some(Value::Bool(true))));
+}
+
+/// Base colour × colour of the vertices (× their alpha), the same whether a ray
+/// finds the place or the lamp is sampled; still, in a moving node, and lit.
+#[test]
+fn unlit_vertex_colours() {
+    for (moves, blends) in [(false, false), (true, false), (false, true)] {
+        let mut file = Gltf::default();
+        let mut square = file.square();
+        let colors = [1., 0., 0., 1., 0., 1., 0., 0.5, 0., 0., 1., 0.25, 1., 1., 1., 0.];
+        square["attributes"]["COLOR_0"] = json!(file.floats(&colors, "VEC4"));
+        square["material"] = json!(file.push(
+            "materials",
+            json!({
+            "alphaMode": if blends { "BLEND" } else { "OPAQUE" },
+            "pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]},
+            "extensions": {"KHR_materials_unlit": {}}})
+        ));
+        let mesh = file.mesh(square);
+        file.node(json!({"mesh": mesh}));
+        if moves {
+            let input = file.floats(&[0.0, 1.0], "SCALAR");
+            let output = file.floats(&[0., 0., 0., 0.2, 0., 0.], "VEC3");
+            file.push(
+                "animations",
+                json!({"channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+                    "samplers": [{"input": input, "output": output}]}),
+            );
+        }
+        let options = LoadOptions { frame: Some(0.0), shutter: Some([0.0, 24.0]), ..LoadOptions::default() };
+        let desc = file.load_with(&options).unwrap();
+        assert!(!warns(&desc, &["materials[0]"]), "{:?}", desc.warnings);
+        let scene = Scene::build(&desc, &BuildOptions::default()).unwrap();
+        let time = 0.5;
+        let shift = Vec3::new(if moves { 0.1 } else { 0.0 }, 0.0, 0.0) - scene.recentre.as_vec3();
+        // Of the square the triangles 0 1 2 and 0 2 3.
+        let expected = |x: f32, y: f32| {
+            let corner = |k: usize| [0, 1, 2, 3].map(|c| colors[4 * k + c]);
+            let weights =
+                if y < x { [(0, 1.0 - x), (1, x - y), (2, y)] } else { [(0, 1.0 - y), (2, x), (3, y - x)] };
+            let mut c = [0.0; 4];
+            weights.iter().for_each(|(k, w)| (0..4).for_each(|i| c[i] += w * corner(*k)[i]));
+            Vec3::new(0.5 * c[0], c[1], c[2]) * if blends { c[3] } else { 1.0 }
+        };
+        let light = scene.lights.iter().find(|l| l.name() == "area").unwrap();
+        let receiver =
+            etendue::light::Receiver { time, ..etendue::light::Receiver::free(Vec3::Z * 2.0 + shift) };
+        for k in 0..200 {
+            let u = Vec2::new((k as f32 * 0.618).fract(), (k as f32 * 0.414).fract());
+            let Some(s) = light.sample(&scene.geometry, &receiver, u) else { continue };
+            let ray = etendue::math::Ray { time, ..etendue::math::Ray::new(receiver.p, s.wi) };
+            let surface = scene.surface(&ray, &scene.closest(&ray).unwrap());
+            let place = surface.p - shift;
+            let found = scene.emitted(&surface, -s.wi);
+            assert!(found.distance(expected(place.x, place.y)) < 1e-4, "{place}: {found}");
+            assert!(found.distance(s.radiance) < 1e-4, "{place}: {found}, sampled {}", s.radiance);
+        }
+    }
 }
 
 /// What shrinks to nothing is gone at the end.

@@ -149,7 +149,8 @@ fn light_comes_through_what_is_not_there() {
 }
 
 /// Both ways to deal with what is not there find the same light where there is
-/// an area to hit, over many screens and lights: 4.5 standard errors of each.
+/// an area to hit, over many screens and lights, and also where no path is longer
+/// than from the floor to the light: 4.5 standard errors of each.
 #[test]
 fn shadow_rays_and_scattered_rays_agree() {
     let lamp = r#"<shape type="sphere"><point name="center" x="2" y="0" z="2"/><float name="radius" value="0.9"/>
@@ -163,17 +164,22 @@ fn shadow_rays_and_scattered_rays_agree() {
         (sky, SCREEN.to_owned()),
         (sky, format!("{SCREEN}{clear}")),
     ] {
-        let estimate = |integrator: &str| -> (f64, f64) {
-            let ready = Ready::from_xml(&floor(integrator, light, &between), None, None);
+        let estimate = |integrator: &str, depth: i32| -> (f64, f64) {
+            let depth = format!(r#"{integrator}"><integer name="max_depth" value="{depth}"/></integrator>"#);
+            let scene = floor(integrator, light, &between).replace(&format!(r#"{integrator}"/>"#), &depth);
+            let ready = Ready::from_xml(&scene, None, None);
             let means: Vec<f64> = (0..16).map(|seed| render::mean(&ready.picture(8192, seed))).collect();
             let mean = means.iter().sum::<f64>() / 16.0;
             let squares: f64 = means.iter().map(|m| (m - mean).powi(2)).sum();
             (mean, squares / 15.0 / 16.0)
         };
-        let (through, blocked) = (estimate("volpath"), estimate("path"));
-        let error = (through.1 + blocked.1).sqrt();
-        assert!(error < 5e-3 * blocked.0, "too noisy to tell: {error} of {}", blocked.0);
-        assert!((through.0 - blocked.0).abs() < 4.5 * error, "{through:?} {blocked:?} {light} {between}");
+        let blocked = estimate("path", -1);
+        for depth in [-1, 2] {
+            let through = estimate("volpath", depth);
+            let error = (through.1 + blocked.1).sqrt();
+            assert!(error < 5e-3 * blocked.0, "too noisy to tell: {error} of {}", blocked.0);
+            assert!((through.0 - blocked.0).abs() < 4.5 * error, "{through:?} {blocked:?} {light} {between}");
+        }
     }
 }
 

@@ -487,8 +487,12 @@ fn what_cannot_move_says_so() {
         etendue::scene::Scene::build(&desc, &Default::default()).unwrap_err().to_string()
     };
     let keys = r#"<animation name="to_world"><transform time="0"/><transform time="1"><translate x="1"/></transform></animation>"#;
-    let spot = scene(&format!(r#"<emitter type="spot">{keys}</emitter>"#));
-    assert_eq!(spot, "<string>:1:73: emitter `spot` cannot move; shapes, instances and sensors can");
+    let projector = scene(&format!(r#"<emitter type="projector">{keys}</emitter>"#));
+    assert_eq!(
+        projector,
+        "<string>:1:78: emitter `projector` cannot move; shapes, instances, sensors and emitters `point`, `spot`, \
+         `directional` can"
+    );
     let other = scene(r#"<shape type="instance"><shape type="sphere"/></shape>"#);
     assert!(other.contains("an `instance` places a `shapegroup`, found `sphere`"), "{other}");
     let zoom = r#"<scene version="3.0.0"><sensor type="perspective"><float name="shutter_close" value="1"/>

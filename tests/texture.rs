@@ -17,8 +17,8 @@ use describe::{Describe, float, string, transform};
 use etendue::desc::{Category, Error, Pixels, Value};
 use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec3, Vec4};
 use etendue::texture::{
-    Coords, Footprint, More, NO_ATTRIBUTES, Pyramids, Texture, TextureFilter, Usage, texture_from_desc,
-    texture_param,
+    Coords, Footprint, MAX_ATTRIBUTES, More, NO_ATTRIBUTES, Pyramids, Texture, TextureFilter, Usage,
+    texture_from_desc, texture_param,
 };
 
 const FLOATS: [f32; 18] =
@@ -390,7 +390,8 @@ fn attributes_are_numbered_and_read() {
     assert_eq!(d.scene.attribute_names(), ["vertex_color", "vertex_uv1"]);
     assert!(colour.reads_attributes() && second.reads_attributes());
 
-    let attributes = [Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0), Vec4::ZERO, Vec4::ZERO];
+    let mut attributes = [Vec4::ZERO; MAX_ATTRIBUTES];
+    attributes[..2].copy_from_slice(&[Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0)]);
     let more = More { attributes, footprint: Footprint::POINT };
     let at = Coords { uv: Vec2::new(0.9, 0.95), more: Some(&more) };
     assert_eq!(colour.eval(at), Rgb::new(0.1, 0.2, 0.3));

@@ -14,15 +14,18 @@
 /// ```
 /// makes the enum, a `From` for each kind and `Bsdf::NAMES`, the scene-file
 /// names in order. Dispatch is a `match` with one arm per kind beside it. A
-/// kind under `#[cfg]` has one name.
+/// kind under `#[cfg]` has one name. Variants that no file names follow after a
+/// `;`, without a list of names.
 #[allow(unused_macros, reason = "used by the rooms above")]
 macro_rules! kinds {
     ($(#[$meta:meta])* pub enum $name:ident {
         $($(#[$vmeta:meta])* $variant:ident($ty:ty) = [$($file_name:literal),* $(,)?]),* $(,)?
+        $(; $($(#[$xmeta:meta])* $unnamed:ident($xty:ty)),* $(,)?)?
     }) => {
         $(#[$meta])*
         pub enum $name {
             $($(#[$vmeta])* $variant($ty)),*
+            $(, $($(#[$xmeta])* $unnamed($xty)),*)?
         }
 
         impl $name {
@@ -36,6 +39,11 @@ macro_rules! kinds {
                 $name::$variant(kind)
             }
         })*
+        $($($(#[$xmeta])* impl From<$xty> for $name {
+            fn from(kind: $xty) -> Self {
+                $name::$unnamed(kind)
+            }
+        })*)?
     };
     ($(#[$meta:meta])* pub enum $name:ident<$life:lifetime> {
         $($(#[$vmeta:meta])* $variant:ident($ty:ty) = [$($file_name:literal),* $(,)?]),* $(,)?

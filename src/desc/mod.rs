@@ -276,25 +276,28 @@ impl SceneDesc {
 
     /// The names of mesh attributes that textures read, in the order of the
     /// objects: a `mesh_attribute`'s `name` and a `bitmap`'s `uv_attribute`.
-    /// (The bsdf `gltf` reads `vertex_color` when it says so.)
+    /// (The bsdf `gltf` and the emitter `area` read `vertex_color`, and that also
+    /// `vertex_alpha`, when they say so.)
     pub fn attribute_names(&self) -> &[String] {
         self.attribute_names.get_or_init(|| {
             let mut names: Vec<String> = Vec::new();
             for object in &self.objects {
                 let wanted = match (object.category, object.plugin.as_str()) {
-                    (Category::Texture, "mesh_attribute") => "name",
-                    (Category::Texture, "bitmap") => "uv_attribute",
-                    (Category::Bsdf, "gltf") => "vertex_color",
+                    (Category::Texture, "mesh_attribute") => &["name"] as &[&str],
+                    (Category::Texture, "bitmap") => &["uv_attribute"],
+                    (Category::Bsdf, "gltf") => &["vertex_color"],
+                    (Category::Emitter, "area") => &["vertex_color", "vertex_alpha"],
                     _ => continue,
                 };
-                let found = object.params.iter().find(|p| p.name == wanted);
-                let name = match found.map(|p| &p.value) {
-                    Some(Value::String(name)) => name.as_str(),
-                    Some(Value::Bool(true)) => "vertex_color",
-                    _ => continue,
-                };
-                if !names.iter().any(|n| n == name) {
-                    names.push(name.to_owned());
+                for param in object.params.iter().filter(|p| wanted.contains(&p.name.as_str())) {
+                    let name = match &param.value {
+                        Value::String(name) => name.as_str(),
+                        Value::Bool(true) => &param.name,
+                        _ => continue,
+                    };
+                    if !names.iter().any(|n| n == name) {
+                        names.push(name.to_owned());
+                    }
                 }
             }
             names

@@ -169,7 +169,7 @@ impl<'a> Params<'a> {
                         param.pos,
                         format!("{} `{}` cannot move", self.object.category.tag(), self.object.plugin),
                     )
-                    .hint("shapes, instances and sensors can")),
+                    .hint("shapes, instances, sensors and emitters `point`, `spot`, `directional` can")),
             },
             _ => Err(self.wrong_type(param, "a transform")),
         }

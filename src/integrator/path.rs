@@ -147,7 +147,12 @@ impl Path {
                 if !seen && scene.light_of_shape(surface.shape).is_some() {
                     out.alpha = 1.0;
                 }
-                return out;
+                if !self.straight_on(scene, &surface, &mut state, &mut room) {
+                    return out;
+                }
+                record.counters().scatter_rays += 1;
+                found = scene.closest(&state.ray);
+                continue;
             }
             let carried = state.carried(scene, camera, &surface);
             let hit = scene.interact(&surface, -state.ray.dir, &carried, &mut room);
@@ -177,6 +182,29 @@ impl Path {
             record.counters().scatter_rays += 1;
             found = scene.closest(&state.ray);
         }
+    }
+
+    /// From the last vertex of a path only what goes straight through leads further:
+    /// next-event estimation at the vertex before has gone there too. False when that is
+    /// nothing.
+    #[inline]
+    fn straight_on<'s>(
+        &self,
+        scene: &'s Scene,
+        surface: &SurfacePoint,
+        state: &mut State,
+        room: &mut Scatter<'s>,
+    ) -> bool {
+        if !(self.see_through && scene.lets_through(surface.shape)) {
+            return false;
+        }
+        let wi = state.ray.dir;
+        let share = scene.interact(surface, -wi, &Carried::NOTHING, room).scatter.null_share();
+        state.beta *= share;
+        state.ray = surface.spawn(wi);
+        state.from = surface.p;
+        state.medium = scene.medium_towards(state.medium, surface, wi);
+        share > 0.0
     }
 
     /// Light of the environment, weighed against having sampled it as a light.

@@ -5,37 +5,63 @@ use std::sync::Arc;
 use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, Pattern, PrimId, ShapeSample, ShapeSampler, SurfacePoint};
-use crate::texture::Texture;
+use crate::texture::{Coords, Footprint, More, Texture};
 
 /// What an `area` emitter says about itself.
 ///
 /// | parameter | default | meaning |
 /// |-|-|-|
 /// | `radiance` | 1 | emitted radiance; may be a texture |
+/// | `two_sided` | false | the back emits as the front does (Mitsuba has front only) |
+/// | `vertex_color`, `vertex_alpha` | false | multiply it with the mesh's attribute of that name: 0 where there is none |
 #[derive(Clone, Debug)]
 pub struct AreaEmission {
-    /// Emitted radiance, the same in all directions on the front.
+    /// Emitted radiance, the same in all directions on a side that emits.
     pub radiance: Texture,
+    /// `two_sided`: not the front alone emits.
+    pub both_sides: bool,
+    /// Attributes of the mesh that multiply it. Choosing lights and points of
+    /// them goes by `radiance` alone.
+    pub tints: Vec<Texture>,
     /// `sampling_weight`.
     pub weight: f32,
 }
 
 impl AreaEmission {
     /// Radiance that leaves `point` of the shape towards unit `wo` (world).
-    /// Zero behind the surface and along it.
+    /// Zero along the surface, and behind one that emits on its front only.
     #[must_use]
-    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.front(point.ns, wo, point.uv)
+    #[inline]
+    pub fn emitted(&self, geometry: &Geometry, point: &SurfacePoint, wo: Vec3) -> Rgb {
+        let radiance = self.towards(point.ns, wo, point.uv);
+        if self.tints.is_empty() { radiance } else { radiance * self.tint(geometry, point) }
     }
 
-    fn front(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
-        if n.dot(wo) > 0.0 { self.radiance.eval(uv) } else { Rgb::ZERO }
+    /// What attributes of the mesh multiply at a point. Texels and colours below
+    /// 0 take no light away.
+    #[cold]
+    fn tint(&self, geometry: &Geometry, point: &SurfacePoint) -> Rgb {
+        let more = More { attributes: geometry.attributes(point), footprint: Footprint::POINT };
+        let at = Coords { uv: point.uv, more: Some(&more) };
+        self.tints.iter().map(|t| t.eval(at).max(Rgb::ZERO)).product()
     }
 
-    /// A sampler that goes by what is emitted: by texels where they differ.
+    fn towards(&self, n: Vec3, wo: Vec3, uv: Vec2) -> Rgb {
+        let cos = n.dot(wo);
+        if cos > 0.0 || (self.both_sides && cos < 0.0) { self.radiance.eval(uv) } else { Rgb::ZERO }
+    }
+
+    /// How many sides of the shape emit.
+    fn sides(&self) -> f64 {
+        if self.both_sides { 2.0 } else { 1.0 }
+    }
+
+    /// A sampler that goes by what is emitted: on which sides, and by texels
+    /// where they differ.
     #[must_use]
     pub fn sampler(&self, geometry: &Geometry, sampler: ShapeSampler) -> ShapeSampler {
         let mean = grey(self.radiance.mean());
+        let sampler = if self.both_sides { sampler.of_both_sides() } else { sampler };
         if self.radiance.is_constant().is_some() {
             return sampler.without_uv();
         }
@@ -53,8 +79,8 @@ impl AreaEmission {
     }
 }
 
-/// A shape that emits from its front: the side its shading normal points to,
-/// as a ray that hits a light finds it in Mitsuba.
+/// A shape that emits from its front, the side its shading normal points to,
+/// as a ray that hits a light finds it in Mitsuba; or from both sides.
 ///
 /// Mitsuba asks another normal when it samples the light, so that on a mesh
 /// with vertex normals its strategies disagree by up to 4 % (mitsuba3 issue
@@ -81,7 +107,7 @@ impl AreaLight {
     pub fn new(geometry: &Geometry, sampler: ShapeSampler, emission: AreaEmission) -> AreaLight {
         let sampler = Arc::new(emission.sampler(geometry, sampler));
         let mean = sampler.mean_of_all().unwrap_or_else(|| grey(emission.radiance.mean()));
-        let power = std::f64::consts::PI * sampler.area() * mean;
+        let power = std::f64::consts::PI * sampler.area() * mean * emission.sides();
         AreaLight { sampler, emission: Arc::new(emission), instance: Hit::NO_INSTANCE, power }
     }
 
@@ -93,11 +119,12 @@ impl AreaLight {
         AreaLight { power, ..light }
     }
 
-    /// Radiance that leaves `point` of this light towards unit `wo` (world).
-    /// Zero behind the surface and along it.
+    /// Radiance that leaves `point` of this light towards unit `wo` (world):
+    /// see [`AreaEmission::emitted`].
     #[must_use]
-    pub fn emitted(&self, point: &SurfacePoint, wo: Vec3) -> Rgb {
-        self.emission.emitted(point, wo)
+    #[inline]
+    pub fn emitted(&self, geometry: &Geometry, point: &SurfacePoint, wo: Vec3) -> Rgb {
+        self.emission.emitted(geometry, point, wo)
     }
 
     /// Density per solid angle at the receiver with which [`super::Light::sample`]
@@ -155,7 +182,7 @@ impl AreaLight {
     }
 
     /// A point of the light, or of one primitive of it. Nothing where all of it
-    /// lies below the receiver's horizon, or the receiver behind it.
+    /// lies below the receiver's horizon, or the receiver on a side that is black.
     pub(super) fn sample(
         &self,
         geometry: &Geometry,
@@ -169,13 +196,31 @@ impl AreaLight {
         } else {
             self.choose_placed(geometry, receiver, prim, u)?
         };
-        let radiance = self.emission.front(chosen.n, -chosen.wi, chosen.uv);
+        let mut radiance = self.emission.towards(chosen.n, -chosen.wi, chosen.uv);
+        if !self.emission.tints.is_empty() {
+            radiance *= self.tint(geometry, receiver, &chosen)?;
+        }
         Some(LightSample {
             wi: chosen.wi,
             radiance,
             pdf: chosen.pdf,
             delta: false,
             target: Target::Surface(chosen),
+        })
+    }
+
+    /// [`AreaEmission::tint`] at a point that was chosen.
+    #[cold]
+    fn tint(&self, geometry: &Geometry, receiver: &Receiver, chosen: &ShapeSample) -> Option<Rgb> {
+        let p = match geometry.instance(self.instance) {
+            None => chosen.p,
+            Some(instance) => instance.at(receiver.time).point_to_local(chosen.p),
+        };
+        // Of what is no triangle nothing has attributes.
+        let [u, v] = geometry.triangle(chosen.prim).map_or([0.0; 2], |t| barycentric(p, &t));
+        let hit = Hit { t: 1.0, prim: chosen.prim, u, v, instance: Hit::NO_INSTANCE };
+        geometry.analytic(chosen.prim).is_none().then(|| {
+            self.emission.tint(geometry, &geometry.triangle_surface(self.sampler.shape(), &hit, 0.0))
         })
     }
 
@@ -218,9 +263,10 @@ impl AreaLight {
         self.power
     }
 
-    /// Mean radiance of one part, grey.
+    /// Mean radiance of one part, grey, of all sides that emit together.
     pub(super) fn radiance_of(&self, prim: PrimId) -> f64 {
-        self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()))
+        let mean = self.sampler.mean_pattern(prim).unwrap_or_else(|| grey(self.emission.radiance.mean()));
+        mean * self.emission.sides()
     }
 
     /// Bytes of tables and images; instances share them.
@@ -228,4 +274,15 @@ impl AreaLight {
     pub fn memory_bytes(&self) -> usize {
         self.sampler.memory_bytes() + self.emission.radiance.memory_bytes()
     }
+}
+
+/// The weights of the second and third vertex at a point of a triangle, which
+/// may be off its plane by rounding.
+fn barycentric(p: Vec3, [a, b, c]: &[Vec3; 3]) -> [f32; 2] {
+    let [p, x, y] = [p, *b, *c].map(|v| v.as_dvec3() - a.as_dvec3());
+    let normal = x.cross(y);
+    let scale = 1.0 / normal.length_squared();
+    let u = (p.cross(y).dot(normal) * scale).clamp(0.0, 1.0);
+    let v = (x.cross(p).dot(normal) * scale).clamp(0.0, 1.0 - u);
+    [u as f32, v as f32]
 }

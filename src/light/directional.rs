@@ -9,7 +9,7 @@ use crate::math::{Rgb, Vec3};
 /// |-|-|-|
 /// | `irradiance` | 1 | power per area on a plane facing the light; colour, no texture |
 /// | `direction` | +z | where the light travels to; length does not matter |
-/// | `to_world` | identity | instead of `direction`: light travels along its +z |
+/// | `to_world` | identity | instead of `direction`: light travels along its +z; may be an `<animation>` |
 #[derive(Clone, Debug)]
 pub struct Directional {
     /// Irradiance on a plane facing the light.

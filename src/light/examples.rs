@@ -6,7 +6,7 @@ use glam::DMat3;
 
 use super::envmap::EnvOptions;
 use super::sky::SkyOptions;
-use super::spot::Cone;
+use super::spot::{Cone, Falloff};
 use super::{Constant, Directional, EnvMap, Light, Point, Projector, Spot, SunSky};
 use crate::desc::{Image, Pixels};
 use crate::math::{DVec3, Rgb, Transform, Vec3};
@@ -18,16 +18,19 @@ impl Light {
     pub fn examples() -> Vec<(String, Light)> {
         let intensity = Rgb::new(3.0, 2.0, 1.0);
         let pose = Transform::translate(DVec3::new(1.0, 2.0, 3.0));
-        let spot = |cutoff: f64, beam: f64| {
-            let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians() };
+        let spot = |cutoff: f64, beam: f64, falloff| {
+            let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians(), falloff };
             Spot::new(intensity, &pose, cone, None)
         };
         let towards = Vec3::new(0.6, 0.0, -0.8);
         let mut out: Vec<(String, Light)> = vec![
             ("point".into(), Point { intensity, position: Vec3::new(1.0, 2.0, 3.0), weight: 1.0 }.into()),
-            ("spot".into(), spot(40.0, 30.0).into()),
-            ("spot, hard edge".into(), spot(25.0, 25.0).into()),
-            ("spot, whole sphere".into(), spot(180.0, 0.0).into()),
+            ("spot".into(), spot(40.0, 30.0, Falloff::Linear).into()),
+            ("spot, hard edge".into(), spot(25.0, 25.0, Falloff::Linear).into()),
+            ("spot, whole sphere".into(), spot(180.0, 0.0, Falloff::Linear).into()),
+            ("spot, squared".into(), spot(50.0, 20.0, Falloff::Squared).into()),
+            ("spot, squared, hard edge".into(), spot(25.0, 25.0, Falloff::Squared).into()),
+            ("spot, squared, whole sphere".into(), spot(180.0, 0.0, Falloff::Squared).into()),
             ("projector".into(), Projector::example(&pose).into()),
             ("directional".into(), Directional { irradiance: intensity, towards, weight: 1.0 }.into()),
             ("constant".into(), Constant { radiance: intensity, weight: 1.0 }.into()),

@@ -26,6 +26,8 @@ pub struct Extent {
     pub spread: f32,
     /// Radians in [0, π/2].
     pub falloff: f32,
+    /// It shines around the opposite of each normal as well; its falloff is π/2 then.
+    pub both_sides: bool,
     /// Emitted power, grey; finite, not negative.
     pub power: f64,
 }
@@ -44,7 +46,7 @@ pub struct Emitter {
 }
 
 /// Added to the spread of normals: rounding never hides a light.
-const SLACK: f32 = 1e-4;
+pub(super) const SLACK: f32 = 1e-4;
 
 impl Light {
     /// The emitters it consists of; none for lights at infinity.
@@ -74,6 +76,7 @@ impl Light {
                 // Not falling off with distance as others do: bounded by nothing.
                 one(Extent { radius, ..all })
             }
+            Light::Moving(light) => light.extent().into_iter().flat_map(one).collect(),
             Light::Directional(_) | Light::Constant(_) | Light::EnvMap(_) | Light::SunSky(_) => Vec::new(),
         }
     }
@@ -81,8 +84,16 @@ impl Light {
 
 impl Extent {
     /// Shines from the box in all directions.
-    fn everywhere(bounds: Bounds, radius: f32, power: f64) -> Extent {
-        Extent { bounds, radius, axis: Vec3::Z, spread: PI, falloff: FRAC_PI_2, power }
+    pub(super) fn everywhere(bounds: Bounds, radius: f32, power: f64) -> Extent {
+        Extent { bounds, radius, axis: Vec3::Z, spread: PI, falloff: FRAC_PI_2, both_sides: false, power }
+    }
+
+    /// With its normals within a cone. Of one that shines on both sides the
+    /// normals may as well be their opposites: all such look to the same side of
+    /// one plane, which is unlikely to be that of a wall.
+    fn around(self, (axis, spread): (Vec3, f32), both_sides: bool) -> Extent {
+        let opposite = both_sides && axis.dot(Vec3::new(1.0, 2.0, 3.0)) < 0.0;
+        Extent { axis: if opposite { -axis } else { axis }, spread, both_sides, ..self }
     }
 }
 
@@ -132,7 +143,7 @@ impl AreaLight {
             // The box of a sphere is widened by rounding; so is the sphere.
             Some(Analytic::Sphere(_)) => Extent { radius: bounds.extent().max_element() * 0.5, ..round },
             _ => match cone(&self.normals(geometry, prims)) {
-                Some((axis, spread)) => Extent { axis, spread, ..round },
+                Some(cone) => round.around(cone, self.emission.both_sides),
                 None => round,
             },
         })
@@ -172,7 +183,7 @@ impl AreaLight {
         let turn = turned.first().map_or(0.0, |t| t.1);
         let normals: Vec<Vec3> = turned.into_iter().map(|t| t.0).collect();
         Some(match cone(&normals) {
-            Some((axis, spread)) => Extent { axis, spread: (spread + turn).min(PI), ..round },
+            Some((axis, spread)) => round.around((axis, (spread + turn).min(PI)), self.emission.both_sides),
             None => round,
         })
     }

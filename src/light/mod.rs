@@ -17,6 +17,7 @@ mod envmap;
 mod envmap_table;
 mod examples;
 mod extent;
+mod moving;
 mod parse;
 mod point;
 mod projector;
@@ -35,6 +36,7 @@ pub use constant::Constant;
 pub use directional::Directional;
 pub use envmap::EnvMap;
 pub use extent::{Emitter, Extent};
+pub use moving::Moving;
 pub use parse::{area_emission_from_desc, emitter_from_desc};
 pub use point::Point;
 pub use projector::Projector;
@@ -69,7 +71,9 @@ kinds! {
         /// A surrounding with a picture.
         EnvMap(EnvMap) = ["envmap"],
         /// The sun and a clear sky.
-        SunSky(SunSky) = ["sunsky"],
+        SunSky(SunSky) = ["sunsky"];
+        /// A `point`, `spot` or `directional` that moves.
+        Moving(Moving),
     }
 }
 
@@ -137,6 +141,7 @@ impl Light {
             Light::Constant(l) => l.sample(u),
             Light::EnvMap(l) => l.sample(u),
             Light::SunSky(l) => l.sample(u),
+            Light::Moving(l) => l.sample(receiver),
         }?;
         // An infinite density is light of which nothing arrives. What is not a
         // number or infinitely bright goes on to the film, which counts it.
@@ -188,7 +193,17 @@ impl Light {
     /// True for lights that shine everywhere alike, from infinitely far away.
     #[must_use]
     pub fn is_infinite(&self) -> bool {
-        self.is_environment() || matches!(self, Light::Directional(_))
+        match self {
+            Light::Directional(_) => true,
+            Light::Moving(l) => l.is_infinite(),
+            _ => self.is_environment(),
+        }
+    }
+
+    /// True for lights without a surface that move while the shutter is open.
+    #[must_use]
+    pub fn moves(&self) -> bool {
+        matches!(self, Light::Moving(_))
     }
 
     /// True for lights that only [`Light::sample`] can find.
@@ -196,7 +211,12 @@ impl Light {
     pub fn is_delta(&self) -> bool {
         matches!(
             self,
-            Light::Point(_) | Light::Spot(_) | Light::Projector(_) | Light::Beam(_) | Light::Directional(_)
+            Light::Point(_)
+                | Light::Spot(_)
+                | Light::Projector(_)
+                | Light::Beam(_)
+                | Light::Directional(_)
+                | Light::Moving(_)
         )
     }
 
@@ -216,6 +236,8 @@ impl Light {
             Light::Constant(l) => l.radiance_integral() * disk,
             Light::EnvMap(l) => l.radiance_integral() * disk,
             Light::SunSky(l) => l.radiance_integral() * disk,
+            Light::Moving(l) if l.is_infinite() => l.power() * disk,
+            Light::Moving(l) => l.power(),
         }
     }
 
@@ -232,6 +254,7 @@ impl Light {
             Light::Constant(l) => l.weight,
             Light::EnvMap(l) => l.weight,
             Light::SunSky(l) => l.weight,
+            Light::Moving(l) => l.weight(),
         }
     }
 
@@ -246,6 +269,7 @@ impl Light {
             Light::Beam(l) => l.emission.radiance.memory_bytes(),
             Light::EnvMap(l) => l.memory_bytes(),
             Light::SunSky(l) => l.memory_bytes(),
+            Light::Moving(l) => l.memory_bytes(),
             Light::Point(_) | Light::Directional(_) | Light::Constant(_) => 0,
         }
     }
@@ -284,6 +308,7 @@ impl Light {
             Light::Constant(_) => "constant",
             Light::EnvMap(_) => "envmap",
             Light::SunSky(_) => "sunsky",
+            Light::Moving(l) => l.name(),
         }
     }
 
@@ -312,7 +337,8 @@ impl Light {
             Light::Constant(l) => l.radiance_integral() / whole,
             Light::EnvMap(l) => l.radiance_integral() / whole,
             Light::SunSky(l) => l.radiance_integral() / whole,
-            Light::Point(_) | Light::Spot(_) | Light::Projector(_) => {
+            Light::Moving(l) if l.is_infinite() => l.power(),
+            Light::Point(_) | Light::Spot(_) | Light::Projector(_) | Light::Moving(_) => {
                 self.power(scene_radius) / (whole * scene_radius * scene_radius)
             }
         }

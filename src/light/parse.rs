@@ -3,23 +3,29 @@
 use glam::DMat3;
 
 use super::envmap::EnvOptions;
-use super::spot::Cone;
-use super::{AreaEmission, Constant, Directional, EnvMap, Light, Point, Projector, Spot, sky_parse};
+use super::spot::{Cone, Falloff};
+use super::{AreaEmission, Constant, Directional, EnvMap, Light, Moving, Point, Projector, Spot, sky_parse};
 use crate::desc::{Error, ObjectId, Params, Result, SceneDesc};
-use crate::math::{DVec3, Rgb, Transform};
-use crate::texture::{Texture, Usage, texture_param, texture_param_opt};
+use crate::math::{DVec3, Motion, Rgb, Transform};
+use crate::texture::{Texture, Usage, attribute_texture, texture_param, texture_param_opt};
 
 /// Reads the `<emitter>` object `id`, any kind but `area`. World positions
-/// have `recentre` subtracted in f64. Fails with the place in the file on
-/// anything that is wrong or unknown.
-pub fn emitter_from_desc(scene: &SceneDesc, id: ObjectId, recentre: DVec3) -> Result<Light> {
+/// have `recentre` subtracted in f64; `shutter` is when it opens and closes in
+/// the time of the file. Fails with the place in the file on anything that is
+/// wrong or unknown.
+pub fn emitter_from_desc(
+    scene: &SceneDesc,
+    id: ObjectId,
+    recentre: DVec3,
+    shutter: [f64; 2],
+) -> Result<Light> {
     let params = scene.params(id);
     let weight = weight(&params)?;
     let light = match params.object().plugin.as_str() {
-        "point" => point(&params, recentre, weight)?.into(),
-        "spot" => spot(&params, recentre, weight)?.into(),
+        "point" => point(&params, (recentre, shutter), weight)?,
+        "spot" => spot(&params, (recentre, shutter), weight)?,
         "projector" => projector(&params, recentre, weight)?.into(),
-        "directional" => directional(&params, weight)?.into(),
+        "directional" => directional(&params, shutter, weight)?,
         "constant" => {
             params.transform("to_world")?;
             Constant { radiance: colour(&params, "radiance")?, weight }.into()
@@ -57,8 +63,15 @@ pub fn area_emission_from_desc(scene: &SceneDesc, id: ObjectId) -> Result<AreaEm
             .error_at("radiance", "`radiance` cannot be read from attributes of the mesh")
             .hint("a `bitmap` over the mesh's own texture coordinates can"));
     }
+    let both_sides = plugin == "area" && params.bool("two_sided", false)?;
+    let mut tints = Vec::new();
+    for name in ["vertex_color", "vertex_alpha"] {
+        if plugin == "area" && params.bool(name, false)? {
+            tints.push(attribute_texture(&params, name)?);
+        }
+    }
     params.finish()?;
-    Ok(AreaEmission { radiance, weight })
+    Ok(AreaEmission { radiance, both_sides, tints, weight })
 }
 
 fn weight(params: &Params) -> Result<f32> {
@@ -95,19 +108,45 @@ fn only_one(params: &Params, a: &'static str, b: &'static str) -> Result<()> {
     Ok(())
 }
 
-fn point(params: &Params, recentre: DVec3, weight: f32) -> Result<Point> {
-    only_one(params, "position", "to_world")?;
-    let position = match params.vector_opt("position")? {
-        Some(position) => position,
-        None => params.transform("to_world")?.point(DVec3::ZERO),
-    };
-    let intensity = colour(params, "intensity")?;
-    Ok(Point { intensity, position: (position - recentre).as_vec3(), weight })
+/// `to_world` while the shutter is open: standing still, or in motion.
+fn way(params: &Params, [open, close]: [f64; 2]) -> Result<(Transform, Option<Motion>)> {
+    let motion = params.motion("to_world")?.during(open, close);
+    Ok(match motion.as_still() {
+        Some(still) => (still, None),
+        None => (motion.at(0.0), Some(motion)),
+    })
 }
 
-fn spot(params: &Params, recentre: DVec3, weight: f32) -> Result<Spot> {
+/// As [`way`], to the recentred world.
+fn way_from(params: &Params, (recentre, shutter): Space) -> Result<(Transform, Option<Motion>)> {
+    let to_scene = Transform::translate(-recentre);
+    let (first, motion) = way(params, shutter)?;
+    Ok((to_scene.after(&first), motion.map(|m| m.map(|t| to_scene.after(t)))))
+}
+
+/// What is subtracted from positions, and when the shutter opens and closes.
+type Space = (DVec3, [f64; 2]);
+
+fn point(params: &Params, space: Space, weight: f32) -> Result<Light> {
+    only_one(params, "position", "to_world")?;
+    let (position, motion) = match params.vector_opt("position")? {
+        Some(position) => (position - space.0, None),
+        None => {
+            let (first, motion) = way_from(params, space)?;
+            (first.point(DVec3::ZERO), motion)
+        }
+    };
     let intensity = colour(params, "intensity")?;
-    let to_world = Transform::translate(-recentre).after(&params.transform("to_world")?);
+    let point = Point { intensity, position: position.as_vec3(), weight };
+    Ok(match motion {
+        None => point.into(),
+        Some(motion) => Moving::point(point, motion).into(),
+    })
+}
+
+fn spot(params: &Params, space: Space, weight: f32) -> Result<Light> {
+    let intensity = colour(params, "intensity")?;
+    let (to_world, motion) = way_from(params, space)?;
     let texture = texture_param_opt(params, "texture", Usage::Radiance)?;
     if matches!(texture, Some(Texture::Constant(_))) {
         return Err(params
@@ -130,10 +169,17 @@ fn spot(params: &Params, recentre: DVec3, weight: f32) -> Result<Spot> {
             format!("`beam_width` must lie between 0 and `cutoff_angle` ({cutoff}) degrees, found {beam}"),
         ));
     }
-    let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians() };
+    let falloff = match params.choice("falloff", &["linear", "squared"], "linear")? {
+        "squared" => Falloff::Squared,
+        _ => Falloff::Linear,
+    };
+    let cone = Cone { cutoff: cutoff.to_radians(), beam: beam.to_radians(), falloff };
     let mut spot = Spot::new(intensity, &to_world, cone, texture);
     spot.weight = weight;
-    Ok(spot)
+    Ok(match motion {
+        None => spot.into(),
+        Some(motion) => Moving::spot(spot, motion).into(),
+    })
 }
 
 fn projector(params: &Params, recentre: DVec3, weight: f32) -> Result<Projector> {
@@ -148,16 +194,23 @@ fn projector(params: &Params, recentre: DVec3, weight: f32) -> Result<Projector>
     Ok(Projector::new(irradiance, scale, &to_world, fov, weight))
 }
 
-fn directional(params: &Params, weight: f32) -> Result<Directional> {
+fn directional(params: &Params, shutter: [f64; 2], weight: f32) -> Result<Light> {
     only_one(params, "direction", "to_world")?;
-    let (name, along) = match params.vector_opt("direction")? {
-        Some(direction) => ("direction", direction),
-        None => ("to_world", params.transform("to_world")?.vector(DVec3::Z)),
+    let (name, along, motion) = match params.vector_opt("direction")? {
+        Some(direction) => ("direction", direction, None),
+        None => {
+            let (first, motion) = way(params, shutter)?;
+            ("to_world", first.vector(DVec3::Z), motion)
+        }
     };
     let along = along
         .try_normalize()
         .ok_or_else(|| params.error_at(name, format!("`{name}` gives no direction: its length is zero")))?;
-    Ok(Directional { irradiance: colour(params, "irradiance")?, towards: -along.as_vec3(), weight })
+    let light = Directional { irradiance: colour(params, "irradiance")?, towards: -along.as_vec3(), weight };
+    Ok(match motion {
+        None => light.into(),
+        Some(motion) => Moving::directional(light, motion).into(),
+    })
 }
 
 fn envmap(params: &Params, weight: f32) -> Result<EnvMap> {

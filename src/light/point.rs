@@ -9,7 +9,7 @@ use crate::math::{Rgb, Vec3};
 /// |-|-|-|
 /// | `intensity` | 1 | power per solid angle; colour, no texture |
 /// | `position` | origin | where it is |
-/// | `to_world` | identity | instead of `position`: it is where this maps the origin |
+/// | `to_world` | identity | instead of `position`: it is where this maps the origin; may be an `<animation>` |
 #[derive(Clone, Debug)]
 pub struct Point {
     /// Power per solid angle.

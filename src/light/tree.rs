@@ -29,6 +29,8 @@ use crate::shape::PrimId;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
+/// Instead of the cosine of a right angle, which is where emission ends then.
+pub(super) const BOTH_SIDES: f32 = -1.0;
 /// A child that is a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 
@@ -56,7 +58,8 @@ pub(super) struct Half {
     /// Of the spread of normals.
     pub cos_spread: Vec4,
     pub sin_spread: Vec4,
-    /// Of the angle to a normal at which emission ends.
+    /// Of the angle to a normal at which emission ends; [`BOTH_SIDES`] where
+    /// there is something that shines around the opposite of its normals as well.
     pub cos_falloff: Vec4,
     pub power: Vec4,
 }
@@ -76,6 +79,8 @@ struct Query {
     p: Vec3,
     n: Vec3,
     two_sided: bool,
+    /// Of the tree.
+    both_sides: bool,
 }
 
 /// A light tree. Immutable.
@@ -91,6 +96,8 @@ pub struct LightTree {
     /// What is subtracted from positions, and what they are then scaled by.
     pub(super) origin: Vec3,
     pub(super) unit: f32,
+    /// Something in it shines on both sides.
+    pub(super) both_sides: bool,
 }
 
 /// What [`LightTree::sample`] chose.
@@ -170,7 +177,7 @@ impl LightTree {
 
     fn query(&self, receiver: &Receiver) -> Query {
         let Receiver { p, n, two_sided, .. } = *receiver;
-        Query { p: (p - self.origin) * self.unit, n, two_sided }
+        Query { p: (p - self.origin) * self.unit, n, two_sided, both_sides: self.both_sides }
     }
 }
 
@@ -293,11 +300,17 @@ impl Half {
         let size = (cos_size, sqrt(sin2.min(Vec4::ONE)));
 
         // Emission: from the axis to the receiver, less spread and size.
-        let cos_axis = (self.axis_x * x + self.axis_y * y + self.axis_z * z) * inverse;
+        let mut cos_axis = (self.axis_x * x + self.axis_y * y + self.axis_z * z) * inverse;
+        let mut cos_falloff = self.cos_falloff;
+        if query.both_sides {
+            // To the axis or its opposite, whichever is nearer.
+            cos_axis = Vec4::select(cos_falloff.cmplt(Vec4::ZERO), cos_axis.abs(), cos_axis);
+            cos_falloff = cos_falloff.max(Vec4::ZERO);
+        }
         let (axis, spread) = ((cos_axis, sine(cos_axis)), (self.cos_spread, self.sin_spread));
         let normal = (cos_difference(axis, spread), sin_difference(axis, spread));
         let cos_emitted = cos_difference(normal, size);
-        let emitted = Vec4::select(cos_emitted.cmpgt(self.cos_falloff), cos_emitted, Vec4::ZERO);
+        let emitted = Vec4::select(cos_emitted.cmpgt(cos_falloff), cos_emitted, Vec4::ZERO);
         let distance2 = d2.max(self.radius2).max(NEAREST2);
         let importance = self.power * emitted / distance2;
         if query.two_sided {

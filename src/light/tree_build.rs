@@ -8,7 +8,7 @@
 //! half angle θ it is (1 + cos θ)/2 long. Bounds in the tree are exact, the
 //! estimate only steers the splits.
 
-use super::tree::{LEAF, Leaf, LightTree, Node, WIDTH};
+use super::tree::{BOTH_SIDES, LEAF, Leaf, LightTree, Node, WIDTH};
 use super::{Emitter, Extent};
 use crate::math::{Bounds, Vec3};
 use crate::shape::PrimId;
@@ -121,8 +121,9 @@ impl<'a> Builder<'a> {
             let start = (first + (prim - first_prim)) as usize;
             leaf_of[start..start + prims as usize].fill(leaf as u32);
         }
+        let both_sides = self.leaf_items.iter().any(|i| self.emitters[*i as usize].extent.both_sides);
         let Builder { nodes, leaves, origin, unit, .. } = self;
-        LightTree { nodes, leaves, lights, leaf_of, origin, unit }
+        LightTree { nodes, leaves, lights, leaf_of, origin, unit, both_sides }
     }
 
     /// Makes the node of `items`, which is reached by `trail`.
@@ -245,10 +246,12 @@ impl<'a> Builder<'a> {
         } else {
             sum.direction.normalize_or(Vec3::Z)
         };
-        let spread = extents()
-            .map(|e| crate::math::angle_between(e.axis, axis) + e.spread)
-            .fold(0.0, f32::max)
-            .min(std::f32::consts::PI);
+        // Of both sides the one nearer to the axis counts.
+        let angle = |e: &Extent| match crate::math::angle_between(e.axis, axis) {
+            angle if e.both_sides => angle.min(std::f32::consts::PI - angle),
+            angle => angle,
+        };
+        let spread = extents().map(|e| angle(e) + e.spread).fold(0.0, f32::max).min(std::f32::consts::PI);
         let falloff = extents().map(|e| e.falloff).fold(0.0, f32::max);
         let p = (centre - self.origin) * self.unit;
         let (half, slot) = (&mut self.nodes[node].halves[slot / 4], slot % 4);
@@ -256,7 +259,8 @@ impl<'a> Builder<'a> {
         half.radius2[slot] = radius * radius;
         (half.axis_x[slot], half.axis_y[slot], half.axis_z[slot]) = (axis.x, axis.y, axis.z);
         (half.sin_spread[slot], half.cos_spread[slot]) = spread.sin_cos();
-        half.cos_falloff[slot] = falloff.cos().max(0.0);
+        let both_sides = extents().any(|e| e.both_sides);
+        half.cos_falloff[slot] = if both_sides { BOTH_SIDES } else { falloff.cos().max(0.0) };
         half.power[slot] = sum.power;
     }
 }

@@ -13,6 +13,7 @@
 //! | `thickness` | 0 | 0 is a thin wall, more (a number or texture) the surface of a solid that refracts by `ior` |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a coat of index 1.5, and its roughness |
 //! | `clearcoat_normal` | none | normal map of the coat; without it the coat is smooth even over a `normal` map |
+//! | `clearcoat_normal_scale` | 1 | factor on its x and y (a number) |
 //! | `sheen_color`, `sheen_roughness` | 0 | sheen of cloth |
 //! | `anisotropy` | 0 | stretch of the highlight along the tangent |
 //! | `anisotropy_rotation` | 0 | turn of the tangent towards the bitangent (up in the image), radians |
@@ -240,7 +241,11 @@ impl LayerTextures {
             solid: if solid && ior > 0.0 { Some(glasses(ior as f32)) } else { None },
             clearcoat: share(params, "clearcoat", 0.0)?,
             clearcoat_roughness: share(params, "clearcoat_roughness", 0.0)?,
-            clearcoat_normal: normal_map(params, "clearcoat_normal", 1.0)?,
+            clearcoat_normal: normal_map(
+                params,
+                "clearcoat_normal",
+                params.float("clearcoat_normal_scale", 1.0)? as f32,
+            )?,
             sheen_color: texture_param(params, "sheen_color", Rgb::ZERO, Usage::Reflectance)?,
             sheen_roughness: share(params, "sheen_roughness", 0.0)?,
             anisotropy: share(params, "anisotropy", 0.0)?,

@@ -177,7 +177,7 @@ impl Builder<'_> {
                 .error(object.pos, message)
                 .hint("`constant` lights the scene from everywhere"));
         }
-        let light = emitter_from_desc(self.desc, id, self.recentre)?;
+        let light = emitter_from_desc(self.desc, id, self.recentre, self.shutter)?;
         if light.is_environment()
             && self.pending.iter().any(|p| matches!(p, Pending::Ready(l) if l.is_environment()))
         {
@@ -364,7 +364,8 @@ impl Builder<'_> {
         plan.curves = geometry.curve_count() as usize;
         plan.groups = geometry.parts() as usize - 1;
         plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
-        plan.motion = geometry.moves() || plan.camera_motion;
+        plan.moving_lights = lights.iter().filter(|l| l.moves()).count();
+        plan.motion = geometry.moves() || plan.camera_motion || plan.moving_lights > 0;
         plan.materials = self.materials.len();
         for material in &self.materials {
             plan.bsdfs.extend(material.kinds());

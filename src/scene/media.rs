@@ -78,7 +78,7 @@ impl Scene {
             let to = found.as_ref().map(|surface| surface.p).or(end);
             left *= self.transmittance(medium, to.map_or(f32::INFINITY, |p| p.distance(from)));
             let Some(surface) = found else { return left };
-            if !self.traits[self.material_of_shape[surface.shape as usize] as usize].null {
+            if !self.lets_through(surface.shape) {
                 return Rgb::ZERO;
             }
             let towards = ray.dir;

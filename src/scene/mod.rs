@@ -229,6 +229,12 @@ impl Scene {
         Interaction { surface, wo, carried, scatter: room, two_sided }
     }
 
+    /// True when some light passes straight through a shape.
+    #[must_use]
+    pub fn lets_through(&self, shape: u32) -> bool {
+        self.traits[self.material_of_shape[shape as usize] as usize].null
+    }
+
     /// True when the material of a shape refracts colours apart.
     #[must_use]
     pub fn disperses(&self, shape: u32) -> bool {
@@ -248,9 +254,12 @@ impl Scene {
     pub fn emitted(&self, surface: &SurfacePoint, wo: Vec3) -> Rgb {
         let Some(index) = self.light_of_shape(surface.shape) else { return Rgb::ZERO };
         match self.lights.get(index as usize) {
-            Some(Light::Area(area)) => area.emitted(surface, wo),
+            Some(Light::Area(area)) => area.emitted(&self.geometry, surface, wo),
             Some(_) => Rgb::ZERO,
-            None => self.lamps.emission(index as usize - self.lights.len()).emitted(surface, wo),
+            None => {
+                let emission = self.lamps.emission(index as usize - self.lights.len());
+                emission.emitted(&self.geometry, surface, wo)
+            }
         }
     }
 

@@ -24,6 +24,8 @@ pub struct Plan {
     pub moving_instances: usize,
     /// The camera moves while the shutter is open.
     pub camera_motion: bool,
+    /// Lights without a surface that move.
+    pub moving_lights: usize,
     /// Anything moves while the shutter is open.
     pub motion: bool,
     /// Lights of instanced or moving shapes that are sampled: part of `lights`.
@@ -212,6 +214,9 @@ impl Plan {
         if self.deforming > 0 {
             parts.push(format!("{} deforming triangles", self.deforming));
         }
+        if self.moving_lights > 0 {
+            parts.push(format!("{} lights without a surface", self.moving_lights));
+        }
         if parts.is_empty() { "none".to_owned() } else { parts.join(", ") }
     }
 
@@ -242,6 +247,7 @@ impl Plan {
                 "camera": self.camera_motion,
                 "instances": self.moving_instances,
                 "triangles": self.deforming,
+                "lights": self.moving_lights,
             },
             "placed_lights": self.placed_lights,
             "unsampled_lights": self.unsampled_lights,

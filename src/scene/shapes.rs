@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::build::{Builder, Pending};
 use super::lamps::Glow;
 use crate::desc::{Category, Error, ObjectId, Params, Result};
-use crate::light::area_emission_from_desc;
+use crate::light::{AreaEmission, area_emission_from_desc};
 use crate::material::Material;
 use crate::math::{DMat3, DVec3, Motion, Transform};
 use crate::shape::{CurveKind, MeshOptions, ShapeId};
@@ -228,7 +228,6 @@ impl Builder<'_> {
                 return Err(desc.error(desc.object(*second).pos, "a shape has one emitter only"));
             }
         };
-        let textured_light = emission.as_ref().is_some_and(|e| e.radiance.is_constant().is_none());
         let to_space = match space {
             None => {
                 params.get("to_world");
@@ -239,7 +238,7 @@ impl Builder<'_> {
                 None => return Err(params.error_at("to_world", "this shape cannot move")),
             },
         };
-        let shape = self.primitives(&params, &to_space, &material, textured_light)?;
+        let shape = self.primitives(&params, &to_space, &material, emission.as_ref())?;
         params.finish()?;
         let Some(shape) = shape else { return Ok(()) };
         let index = self.material_id(material);
@@ -285,7 +284,7 @@ impl Builder<'_> {
         params: &Params,
         to_space: &Transform,
         material: &Material,
-        textured_light: bool,
+        emission: Option<&AreaEmission>,
     ) -> Result<Option<ShapeId>> {
         let object = params.object();
         if let Some(kind) = curve_kind(&object.plugin) {
@@ -293,6 +292,8 @@ impl Builder<'_> {
         }
         let flip = params.bool("flip_normals", false)?;
         let shutter = self.shutter;
+        let textured_light = emission.is_some_and(|e| e.radiance.is_constant().is_none());
+        let attributes = material.needs_attributes() || emission.is_some_and(|e| !e.tints.is_empty());
         let options = |face_normals| MeshOptions {
             flip_normals: flip,
             face_normals,
@@ -308,7 +309,7 @@ impl Builder<'_> {
                 let mesh = params
                     .mesh()
                     .ok_or_else(|| params.error(format!("shape `{}` needs a `filename`", object.plugin)))?;
-                return self.mesh(mesh, to_space, options, material.needs_attributes()).map_err(at);
+                return self.mesh(mesh, to_space, options, attributes).map_err(at);
             }
             "cube" => {
                 let options = options(params.bool("face_normals", false)?);

@@ -221,7 +221,9 @@ impl AbsColumns for DMat3 {
 }
 
 impl Sweep {
-    fn of(motion: &Motion) -> Sweep {
+    /// That of a motion over the shutter.
+    #[must_use]
+    pub fn of(motion: &Motion) -> Sweep {
         if let Some(still) = motion.as_still() {
             return Sweep { poses: vec![(Affine::of(&still), 0.0)], turn: Some(0.0) };
         }

@@ -90,6 +90,20 @@ impl ShapeSampler {
         ShapeSampler { needs_uv: false, ..self }
     }
 
+    /// The same for what is looked at from both sides: from neither is it hidden.
+    #[must_use]
+    pub fn of_both_sides(self) -> ShapeSampler {
+        let method = match self.method {
+            Method::Rectangle(frame) => Method::Rectangle(frame.without_normal()),
+            Method::Quad(mut quad) => {
+                quad.frame = quad.frame.without_normal();
+                Method::Quad(quad)
+            }
+            other => other,
+        };
+        ShapeSampler { method, ..self }
+    }
+
     /// The same by the strength of a pattern: triangles are chosen by their mean
     /// of it times their area. Spheres stay with the cone of what is seen of
     /// them: most of a picture is on the far side.
@@ -408,6 +422,11 @@ impl ShapeSampler {
         match (geometry.analytic(self.first_prim), geometry.triangle(point.prim)) {
             (Some(analytic), _) => {
                 let view = self.view(analytic, from);
+                if let (View::Sphere(view), Analytic::Sphere(sphere)) = (&view, analytic)
+                    && view.is_far_side(wi.dot(sphere.outwards(point.ng)))
+                {
+                    return 0.0;
+                }
                 if table.is_none() {
                     return view.pdf(uniform(self.area));
                 }

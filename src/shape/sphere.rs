@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 use super::linear::{basis, check_circular, compose, flip_sign, rounding_error};
 use super::{AnalyticHit, AnalyticPoint, Hit};
 use crate::desc::{Error, Result};
-use crate::math::{Bounds, DMat3, DMat4, DVec3, Transform, Vec2};
+use crate::math::{Bounds, DMat3, DMat4, DVec3, Transform, Vec2, Vec3};
 
 /// A full sphere.
 #[derive(Clone, Debug)]
@@ -22,6 +22,11 @@ pub struct Sphere {
 }
 
 impl Sphere {
+    /// A geometric normal of it, turned outwards.
+    pub(crate) fn outwards(&self, ng: Vec3) -> Vec3 {
+        if self.flip { -ng } else { ng }
+    }
+
     /// A sphere given in the local frame of `to_world`, which may rotate,
     /// translate, scale uniformly and mirror. Fails when the radius is not
     /// positive and finite, or when `to_world` does anything else.

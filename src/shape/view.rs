@@ -80,6 +80,13 @@ impl SphereView {
         }
     }
 
+    /// True for a point of the far side as seen from outside, which is never
+    /// sampled: `cos` is that between the direction to it and the normal there
+    /// that points outwards.
+    pub(crate) fn is_far_side(&self, cos: f32) -> bool {
+        cos > 0.0 && matches!(self.side, Side::Outside(_))
+    }
+
     /// A bare point of the sphere and its direction; `None` where the two points
     /// are one.
     pub(crate) fn sample(&self, sphere: &Sphere, u: Vec2) -> Option<(AnalyticPoint, DVec3)> {
@@ -161,6 +168,11 @@ impl RectFrame {
     pub(crate) fn from_edges(centre: DVec3, x: DVec3, y: DVec3, ns: Option<DVec3>) -> RectFrame {
         let (width, height) = (x.length(), y.length());
         RectFrame { centre, x: x / width, y: y / height, width, height, ns, square: true }
+    }
+
+    /// The same for what has no back.
+    pub(crate) fn without_normal(self) -> RectFrame {
+        RectFrame { ns: None, ..self }
     }
 
     /// True when `from` is behind the rectangle or all of it lies below the

@@ -23,7 +23,7 @@ impl Attribute {
 
 /// Most attributes that the textures of a scene may name: colours of glTF
 /// vertices, their alpha, and each further set of texture coordinates are one.
-pub const MAX_ATTRIBUTES: usize = 4;
+pub const MAX_ATTRIBUTES: usize = 8;
 
 /// The attributes of a point, by slot.
 pub type Attributes = [Vec4; MAX_ATTRIBUTES];

@@ -28,6 +28,8 @@ impl Opacity<'_> {
 struct Glow<'m> {
     factor: [f64; 3],
     texture: Option<&'m TextureInfo>,
+    /// The colours of the vertices multiply it.
+    colors: bool,
 }
 
 impl Materials<'_> {
@@ -48,7 +50,7 @@ impl Materials<'_> {
         Opacity { recipe, texture }
     }
 
-    /// Light that the surface gives off. Area lights shine on the front only.
+    /// Light that the surface gives off.
     pub(super) fn emission(
         &mut self,
         objects: &mut Objects,
@@ -63,7 +65,7 @@ impl Materials<'_> {
         if material.extensions.clearcoat.as_ref().is_some_and(|c| c.clearcoat_factor > 0.0) {
             objects.warn(place, "glows through its clear coat without being darkened by it");
         }
-        let glow = Glow { factor, texture: material.emissive_texture.as_ref() };
+        let glow = Glow { factor, texture: material.emissive_texture.as_ref(), colors: false };
         self.glow(objects, (material, place, pos), vertex, glow)
     }
 
@@ -78,11 +80,8 @@ impl Materials<'_> {
     ) -> (ObjectId, Option<ObjectId>) {
         let pbr = &material.pbr_metallic_roughness;
         let [r, g, b, _] = pbr.base_color_factor.unwrap_or([1.0; 4]).map(|c| c.max(0.0));
-        if vertex.rgb {
-            objects.warn(place, "is unlit: it is shown without the colours of the vertices");
-        }
         let bsdf = objects.add(Category::Bsdf, "diffuse", pos, vec![("reflectance", Value::Rgb([0.0; 3]))]);
-        let glow = Glow { factor: [r, g, b], texture: pbr.base_color_texture.as_ref() };
+        let glow = Glow { factor: [r, g, b], texture: pbr.base_color_texture.as_ref(), colors: vertex.rgb };
         (bsdf, self.glow(objects, (material, place, pos), vertex, glow))
     }
 
@@ -113,12 +112,6 @@ impl Materials<'_> {
         if factor == [0.0; 3] {
             return None;
         }
-        if material.double_sided {
-            objects.warn(place, "glows on its front only, though it is double-sided");
-        }
-        if vertex.alpha {
-            objects.warn(place, "glows where the alpha of its vertices hides it");
-        }
         let textured = match (texture, alpha) {
             (None, None) => None,
             (Some(info), None) => self.images.texture(objects, self.source, info, Use::color(factor)),
@@ -132,6 +125,17 @@ impl Materials<'_> {
             }
         };
         let radiance = textured.unwrap_or(Value::Rgb(factor));
-        Some(objects.add(Category::Emitter, "area", pos, vec![("radiance", radiance)]))
+        let mut params = vec![("radiance", radiance)];
+        if material.double_sided {
+            params.push(("two_sided", Value::Bool(true)));
+        }
+        if glow.colors {
+            params.push(("vertex_color", Value::Bool(true)));
+        }
+        // As the mask around its bsdf.
+        if vertex.alpha && mode(material) != "OPAQUE" {
+            params.push(("vertex_alpha", Value::Bool(true)));
+        }
+        Some(objects.add(Category::Emitter, "area", pos, params))
     }
 }

@@ -36,9 +36,8 @@ pub fn extensions(bsdf: &mut Bsdf, ext: &MaterialExtensions) {
         bsdf.number("clearcoat_roughness", factor, e.clearcoat_roughness_texture.as_ref(), "g");
         let normal = e.clearcoat_normal_texture.as_ref();
         bsdf.normal("clearcoat_normal", normal);
-        if normal.and_then(|info| info.scale).is_some_and(|scale| scale != 1.0) {
-            let place = bsdf.place.clone();
-            bsdf.objects.warn(&place, "clearcoatNormalTexture.scale is not applied");
+        if let Some(scale) = normal.and_then(|info| info.scale) {
+            bsdf.params.push(("clearcoat_normal_scale", Value::Float(scale)));
         }
     }
     if let Some(e) = ext.sheen.as_ref().filter(|e| e.sheen_color_factor.iter().any(|c| *c > 0.0)) {

@@ -4,13 +4,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::super::{LoadOptions, files, image_file};
+use super::fail;
 use super::json::Spot;
 use super::motion::Stage;
 use super::objects::Objects;
+use super::place::{self, Placement};
 use super::source::Source;
-use super::{fail, place};
 use crate::desc::{Category, Pos, Result, Value};
-use crate::math::{DMat4, DVec3, Transform};
+use crate::math::{DMat4, DVec3};
 
 /// Turns what looks along −z with +x to the right into what looks along +z with
 /// +x to the left.
@@ -18,10 +19,9 @@ pub fn turned(m: DMat4) -> DMat4 {
     m * DMat4::from_scale(DVec3::new(-1.0, 1.0, -1.0))
 }
 
-/// The light of a node. The fall-off of a spot goes by the square of
-/// (cos θ − cos outer) / (cos inner − cos outer) in glTF, and here linearly in
-/// θ between the same two angles. `range` only tells rasterisers where to stop.
-pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -> Result<()> {
+/// The light of a node in a scene of that size. `range` only tells rasterisers
+/// where to stop.
+pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, (node, size): (usize, f64)) -> Result<()> {
     let Some(reference) = &source.root.nodes[node].extensions.light else { return Ok(()) };
     let node_place = format!("nodes[{node}].extensions.KHR_lights_punctual");
     let lights = &source.root.extensions.lights.lights;
@@ -36,26 +36,22 @@ pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -
         return Err(fail(&at, "a light cannot take light away (`intensity`, `color`)"));
     }
     let power = Value::Rgb(color.map(|c| c * intensity));
-    // Lights stand still: where they are when the shutter is half open.
-    let open = stage.shutter.open;
-    let world = match open.filter(|_| stage.moving[node]) {
-        Some(open) => {
-            objects.warn(&at, "a light does not move while the shutter is open");
-            stage.pose(0.5 * (open + stage.shutter.close))[node]
-        }
-        None => stage.still()[node],
-    };
-    let rigid = turned(place::rigid(world));
-    let to_world =
-        Transform::from_matrix(rigid).ok_or_else(|| fail(&node_place, "its transform is not finite"))?;
+    // A lamp is as far off its way as the scene is large, times a tolerance.
+    let points = [DVec3::ZERO, DVec3::X * size, DVec3::Y * size, DVec3::Z * size];
+    let placement = place::follow(stage, node, &points, |m| turned(place::rigid(m)))
+        .ok_or_else(|| fail(&node_place, "its transform is not finite"))?;
+    let rigid = placement.first().matrix;
+    let still = matches!(placement, Placement::Still(_));
+    let moving = || ("to_world", placement.value());
     let emitter = match light.kind.as_str() {
         "point" => {
-            let position = Value::Vector(rigid.w_axis.truncate());
-            objects.add(Category::Emitter, "point", pos, vec![("intensity", power), ("position", position)])
+            let position = || ("position", Value::Vector(rigid.w_axis.truncate()));
+            let place = if still { position() } else { moving() };
+            objects.add(Category::Emitter, "point", pos, vec![("intensity", power), place])
         }
         "directional" => {
-            let direction = Value::Vector(rigid.z_axis.truncate());
-            let params = vec![("irradiance", power), ("direction", direction)];
+            let direction = || ("direction", Value::Vector(rigid.z_axis.truncate()));
+            let params = vec![("irradiance", power), if still { direction() } else { moving() }];
             objects.add(Category::Emitter, "directional", pos, params)
         }
         "spot" => {
@@ -64,7 +60,8 @@ pub fn add(objects: &mut Objects, source: &Source, stage: &Stage, node: usize) -
                 ("intensity", power),
                 ("cutoff_angle", Value::Float(outer)),
                 ("beam_width", Value::Float(inner)),
-                ("to_world", Value::Transform(to_world)),
+                ("falloff", Value::String("squared".into())),
+                moving(),
             ];
             objects.add(Category::Emitter, "spot", pos, params)
         }

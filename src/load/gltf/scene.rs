@@ -79,8 +79,9 @@ pub fn build(source: &Source, options: &LoadOptions, mut objects: Objects) -> Re
     builder.meshes(&copies)?;
     let Builder { mut objects, low, high, mut lit, .. } = builder;
     let around = if low.cmple(high).all() { (low, high) } else { (DVec3::splat(-1.0), DVec3::ONE) };
+    let size = (around.1 - around.0).length().max(1e-6);
     for &node in &visible {
-        light::add(&mut objects, source, &stage, node)?;
+        light::add(&mut objects, source, &stage, (node, size))?;
         lit |= source.root.nodes[node].extensions.light.is_some();
     }
     light::surroundings(&mut objects, options, lit)?;
