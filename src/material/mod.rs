@@ -285,12 +285,13 @@ impl Material {
         names
     }
 
-    /// Bytes of texture memory that it holds.
+    /// Bytes of textures and tables that it holds.
     #[must_use]
     pub fn memory_bytes(&self) -> usize {
         let mut bytes = 0;
         self.visit(&mut |m| {
             bytes += match m {
+                Material::Surface(Surface::Measured(tables)) => tables.memory_bytes(),
                 Material::Surface(s) => s.textures().iter().map(|t| t.memory_bytes()).sum(),
                 Material::Mask(t, _) | Material::Blend(t, _) => t.memory_bytes(),
                 Material::Perturbed(p, _) => p.memory_bytes(),
