@@ -576,6 +576,15 @@ fn lying_measured_materials() {
     assert_eq!(spectral(&[400.0, 500.0], 3), "`spectra` has 3 channels, expected 2");
     let without: Vec<Field> = small().into_iter().filter(|f| f.name != "rgb").collect();
     assert_eq!(read(file(&without)).unwrap_err(), "there is neither a field `rgb` nor `spectra`");
+    // Ever so many elevations, each of which takes time.
+    let mut many = small();
+    let rising: Vec<f32> = (0..20_000).map(|i| i as f32 * 7e-5).collect();
+    many[0] = floats("theta_i", &[20_000], &rising);
+    many[4] = floats("vndf", &[1, 20_000, 2, 2], &vec![1.0; 80_000]);
+    many[5] = floats("luminance", &[1, 20_000, 2, 2], &vec![1.0; 80_000]);
+    many[6] = floats("rgb", &[1, 20_000, 3, 2, 2], &vec![0.1; 240_000]);
+    let said = "`theta_i` and `phi_i` make 20000 × 1 slices, more than 16384";
+    assert_eq!(read(file(&many)).unwrap_err(), said);
     // Azimuths of a third of the circle.
     let mut third = small();
     third[1] = floats("phi_i", &[3], &[-3.1, -2.0, -1.0]);

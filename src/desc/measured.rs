@@ -42,6 +42,8 @@ pub struct Nodes {
     pub values: Vec<f32>,
 }
 
+/// Most slices; real files have some hundreds.
+const SLICES: usize = 16_384;
 /// Most nodes along a side of a grid.
 const SIDE: u32 = 8192;
 /// Largest value that a bsdf may come to.
@@ -54,9 +56,10 @@ impl MeasuredData {
         self.phi.len() * self.theta.len()
     }
 
-    /// How many times the range of `phi` covers all azimuths: 1, 2 (the other
-    /// half is the same turned by half a turn) or 4 (mirrored at both axes).
-    /// `None` for ranges that are none of these.
+    /// How many times the range of `phi`, from -π on if not all of it, covers all
+    /// azimuths, to the nearest whole number: 1, 2 (the other half is the same
+    /// turned by half a turn) or 4 (mirrored at both axes). `None` for ranges that
+    /// are none of these.
     #[must_use]
     pub fn parts(&self) -> Option<u32> {
         use std::f32::consts::{PI, TAU};
@@ -65,9 +68,8 @@ impl MeasuredData {
             return Some(1);
         }
         let parts = (TAU / (last - first)).round();
-        let near = |x: f32, y: f32| (x - y).abs() < 0.1;
-        let known = (parts == 2.0 && near(*last, 0.0)) || (parts == 4.0 && near(*last, -0.5 * PI));
-        (parts == 1.0 || (known && near(*first, -PI))).then_some(parts as u32)
+        let known = parts == 1.0 || ((parts == 2.0 || parts == 4.0) && (first + PI).abs() < 0.1);
+        known.then_some(parts as u32)
     }
 
     /// Fails, with the name of the field first, when sizes do not fit together
@@ -76,6 +78,10 @@ impl MeasuredData {
     pub fn check(&self) -> Result<(), String> {
         rising("theta_i", &self.theta, [0.0, 1.571])?;
         rising("phi_i", &self.phi, [-6.284, 6.284])?;
+        if self.slices() > SLICES {
+            let (theta, phi) = (self.theta.len(), self.phi.len());
+            return Err(format!("`theta_i` and `phi_i` make {theta} × {phi} slices, more than {SLICES}"));
+        }
         if self.parts().is_none() {
             let (first, last) = (self.phi[0], self.phi[self.phi.len() - 1]);
             return Err(format!(
