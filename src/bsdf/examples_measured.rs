@@ -132,3 +132,18 @@ fn knots([columns, rows]: [u32; 2]) -> impl Iterator<Item = [f32; 2]> {
 fn over(size: [u32; 2], of: &dyn Fn([f32; 2]) -> f32) -> Vec<f32> {
     knots(size).map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_are_made() {
+        for (name, data) in materials() {
+            assert_eq!(data.check(), Ok(()), "{name}");
+        }
+        let mut list = Vec::new();
+        push(&mut list);
+        assert_eq!(list.len(), materials().len());
+    }
+}

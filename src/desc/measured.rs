@@ -42,7 +42,7 @@ pub struct Nodes {
     pub values: Vec<f32>,
 }
 
-/// Most slices; real files have some hundreds.
+/// Most slices: each takes time of its own when tables are made.
 const SLICES: usize = 16_384;
 /// Most nodes along a side of a grid.
 const SIDE: u32 = 8192;

@@ -21,11 +21,11 @@ use crate::desc::{Error, MeasuredData, Nodes, Result};
 type Step<T> = std::result::Result<T, String>;
 
 const MAGIC: &[u8; 12] = b"tensor_file\0";
-/// Most fields of a file; real ones have about a dozen.
+/// Most fields of a file; eleven are known.
 const FIELDS: u32 = 1000;
 /// Most dimensions of a field.
 const DIMENSIONS: u16 = 16;
-/// Most wavelengths; real files have 195.
+/// Most wavelengths: more would not be resolved by what they are weighed by.
 const WAVELENGTHS: u64 = 4096;
 /// Element types by their numbers in the file, from 1 on.
 const TYPES: [&str; 11] = [

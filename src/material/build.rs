@@ -132,8 +132,9 @@ impl MaterialBuilder {
     /// The tables of a `measured`, once for each file.
     ///
     /// `filename` is its one parameter: a file of the RGL material database,
-    /// either kind. Those of spectra are taken to RGB: whoever has the file wants
-    /// to see the material, which no other file of the database shows better.
+    /// either kind. Those of spectra, which Mitsuba's RGB variants refuse, are
+    /// taken to RGB like any spectrum of a reflectance: who has the file wants to
+    /// see the material, and after one bounce of white light the colour is exact.
     ///
     /// ```xml
     /// <bsdf type="measured">
