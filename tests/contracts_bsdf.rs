@@ -5,13 +5,16 @@
 
 mod common;
 
+use std::sync::Arc;
+
 use common::chi2::{Grid, chi2, sidak};
 use etendue::bsdf::{
-    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Film, Layered, Layers, Microfacet,
-    Null, Plastic, Principled, PrincipledBase, PrincipledThin, RoughConductor, RoughDielectric, RoughPlastic,
-    RoughPlasticTable, Substance, ThinDielectric,
+    Bsdf, BsdfSample, Coat, Conductor, Dielectric, Diffuse, Distribution, Film, Layered, Layers, Measured,
+    Microfacet, Null, Plastic, Principled, PrincipledBase, PrincipledThin, RoughConductor, RoughDielectric,
+    RoughPlastic, RoughPlasticTable, Substance, ThinDielectric,
 };
 use etendue::color::conductor;
+use etendue::load::read_measured;
 use etendue::math::{ONE_MINUS_EPSILON, Rgb, Vec2, Vec3};
 use etendue::sampling::Sampler;
 use proptest::prelude::*;
@@ -167,8 +170,10 @@ fn light_may_go_either_way() {
     let mut checked = 0;
     // A coat in a frame of its own is weighed by its own cosine. Mitsuba's thin
     // transmission leaves out facets by one of the two directions.
+    // What is measured is reciprocal as far as its tables are.
     let one_way = ["gltf coat with its own normal", "principledthin pane", "principledthin of everything"];
-    for (name, bsdf) in examples().into_iter().filter(|(name, _)| !one_way.contains(&name.as_str())) {
+    let skipped = |name: &str| one_way.contains(&name) || name.starts_with("measured");
+    for (name, bsdf) in examples().into_iter().filter(|(name, _)| !skipped(name)) {
         let inside = match bsdf {
             Bsdf::RoughDielectric(b) => b.eta,
             Bsdf::Layered(b) => b.eta(),
@@ -380,6 +385,16 @@ fn reference_bsdf<'a>(name: &str, tables: &'a [RoughPlasticTable]) -> Bsdf<'a> {
     }
 }
 
+/// The measured ones, from the files that Mitsuba read.
+#[expect(clippy::unwrap_used, reason = "part of a test")]
+fn reference_measured() -> [(&'static str, Measured); 2] {
+    [("MeasuredIsotropic", "isotropic"), ("MeasuredAnisotropic", "anisotropic")].map(|(name, file)| {
+        let path = format!("{}/scenes/features/data/{file}.bsdf", env!("CARGO_MANIFEST_DIR"));
+        let data = read_measured(path.as_ref()).unwrap();
+        (name, Measured::new(Arc::new(data)).unwrap())
+    })
+}
+
 enum Either {
     Solid(Principled),
     Thin(PrincipledThin),
@@ -442,7 +457,7 @@ fn reference_tables() -> Vec<RoughPlasticTable> {
 
 #[test]
 fn values_agree_with_mitsuba() {
-    let tables = reference_tables();
+    let (tables, measured) = (reference_tables(), reference_measured());
     let mut failures = Vec::new();
     assert!(reference::EVAL.len() > 300, "{}", reference::EVAL.len());
     for &(name, wo_theta, wo_phi, wi_theta, wi_phi, expected) in reference::EVAL {
@@ -450,10 +465,29 @@ fn values_agree_with_mitsuba() {
         let value = match reference_principled(name) {
             Some(Either::Solid(surface)) => Bsdf::from(&surface).eval(wo, wi),
             Some(Either::Thin(surface)) => Bsdf::from(&surface).eval(wo, wi),
-            None => reference_bsdf(name, &tables).eval(wo, wi),
+            None => match measured.iter().find(|(known, _)| *known == name) {
+                Some((_, tables)) => Bsdf::from(tables).eval(wo, wi),
+                None => reference_bsdf(name, &tables).eval(wo, wi),
+            },
         };
         let expected = Rgb::from_array(expected);
         let error = (value / expected - 1.0).abs().max_element();
+        if !(error < 1.5e-4) {
+            failures.push(format!("{name} {wo_theta} {wi_theta}: {value}, not {expected}: {error:e}"));
+        }
+    }
+    assert!(failures.is_empty(), "{}:\n{}", failures.len(), failures.join("\n"));
+}
+
+#[test]
+fn densities_agree_with_mitsuba() {
+    let measured = reference_measured();
+    let mut failures = Vec::new();
+    assert!(reference::DENSITY.len() > 80, "{}", reference::DENSITY.len());
+    for &(name, wo_theta, wo_phi, wi_theta, wi_phi, expected) in reference::DENSITY {
+        let (_, tables) = measured.iter().find(|(known, _)| *known == name).unwrap();
+        let value = Bsdf::from(tables).pdf(direction(wo_theta, wo_phi), direction(wi_theta, wi_phi));
+        let error = (value / expected - 1.0).abs();
         if !(error < 1.5e-4) {
             failures.push(format!("{name} {wo_theta} {wi_theta}: {value}, not {expected}: {error:e}"));
         }

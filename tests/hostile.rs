@@ -6,6 +6,8 @@
 
 #[path = "common/readers.rs"]
 mod readers;
+#[path = "common/tensor.rs"]
+mod tensor;
 
 use std::fs;
 use std::io::Write;
@@ -15,7 +17,7 @@ use std::time::Duration;
 use cpu_time::ThreadTime;
 use etendue::desc::SceneDesc;
 use etendue::integrator::{Integrator, IntegratorOptions};
-use etendue::load::{LoadOptions, load, load_str, read_image, read_mesh, read_picture};
+use etendue::load::{LoadOptions, load, load_str, read_image, read_measured, read_mesh, read_picture};
 use etendue::scene::{BuildOptions, Scene};
 use etendue::study::Plan;
 use flate2::Compression;
@@ -313,12 +315,13 @@ fn no_devices_and_no_pipes() {
     let pipe = folder.0.path().join("pipe");
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for place in [pipe.as_path(), Path::new("/dev/zero"), folder.0.path()] {
-        for ending in ["obj", "ply", "serialized", "exr", "png", "xml", "spd"] {
+        for ending in ["obj", "ply", "serialized", "bsdf", "exr", "png", "xml", "spd"] {
             let link = folder.0.path().join(format!("link.{ending}"));
             let _ = fs::remove_file(&link);
             std::os::unix::fs::symlink(place, &link).unwrap();
             let message = soon(ending, || match ending {
                 "obj" | "ply" | "serialized" => read_mesh(&link).unwrap_err().to_string(),
+                "bsdf" => read_measured(&link).unwrap_err().to_string(),
                 "exr" | "png" => read_image(&link, &LoadOptions::default()).unwrap_err().to_string(),
                 "xml" => load(&link, &LoadOptions::default()).unwrap_err().to_string(),
                 _ => {
@@ -476,6 +479,120 @@ fn hostile_curves() {
     assert!(empty.ends_with("no control points; expected lines `x y z radius`"), "{empty}");
     let word = curves("linearcurve", &"9".repeat(1 << 20)).unwrap_err();
     assert!(word.len() < 200, "{word}");
+}
+
+// ---------------------------------------------------------------- measured materials
+
+#[test]
+fn lying_measured_materials() {
+    use tensor::{Field, file, floats, small};
+    let folder = Folder::new();
+    let read = |bytes: Vec<u8>| {
+        let path = folder.put("a.bsdf", bytes);
+        soon("a.bsdf", || read_measured(&path)).map(|_| ()).map_err(|e| {
+            let message = folder.plain(&e.to_string());
+            message.strip_prefix("DIR/a.bsdf: measured material `DIR/a.bsdf`: ").unwrap().to_owned()
+        })
+    };
+    let with = |field: Field| {
+        let mut fields: Vec<Field> = small().into_iter().filter(|f| f.name != field.name).collect();
+        fields.push(field);
+        read(file(&fields)).unwrap_err()
+    };
+    let whole = file(&small());
+    assert_eq!(read(whole.clone()), Ok(()));
+    // Cut anywhere: in the header, the table, or the data of a field.
+    for end in 0..whole.len() {
+        let message = read(whole[..end].to_vec()).unwrap_err();
+        assert!(message.starts_with("the file ends within ") || message.contains(" does not fit into the "));
+    }
+    let changed = |at: usize, bytes: &[u8]| {
+        let mut file = whole.clone();
+        file[at..at + bytes.len()].copy_from_slice(bytes);
+        read(file).unwrap_err()
+    };
+    assert_eq!(changed(0, b"T"), "it does not begin with `tensor_file`");
+    assert_eq!(changed(12, &[2]), "unknown version 2.0, expected 1.0");
+    assert_eq!(changed(14, &[255; 4]), "it has 4294967295 fields, more than 1000");
+    assert_eq!(changed(14, &[200, 0, 0, 0]), "the file ends within the name of a field");
+    let short = small().into_iter().take(7).collect::<Vec<_>>();
+    assert_eq!(read(file(&short)).unwrap_err(), "there is no field `jacobian`");
+    let twice: Vec<Field> = small().into_iter().chain(small()).collect();
+    assert_eq!(read(file(&twice)).unwrap_err(), "there are two fields `theta_i`");
+    let long = Field { shape: vec![1; 17], ..floats("x", &[], &[]) };
+    assert_eq!(with(long), "`x` has 17 dimensions, more than 16");
+
+    let ndf = |shape: &[u64], values: &[f32]| floats("ndf", shape, values);
+    let huge = u64::MAX / 2;
+    for (field, said) in [
+        (Field { kind: 11, ..ndf(&[2, 3], &[0.0; 6]) }, "`ndf` is of type float64, expected float32"),
+        (Field { kind: 0, ..ndf(&[2, 3], &[0.0; 6]) }, "`ndf` is of unknown type 0, expected float32"),
+        (ndf(&[6], &[0.5; 6]), "`ndf` has 1 dimensions, expected 2"),
+        (ndf(&[1, 6], &[0.5; 6]), "`ndf` has 6 × 1 nodes, expected 2 to 8192 each way"),
+        (ndf(&[0, 6], &[]), "`ndf` has 6 × 0 nodes, expected 2 to 8192 each way"),
+        (ndf(&[2, 3], &[0.0, 1.0, -1.0, 0.0, 0.0, 0.0]), "`ndf`: value 2 is -1"),
+        (ndf(&[2, 3], &[0.0, f32::NAN, 0.0, 0.0, 0.0, 0.0]), "`ndf`: value 1 is NaN"),
+        (ndf(&[2, 3], &[f32::INFINITY; 6]), "`ndf`: value 0 is inf"),
+        (
+            ndf(&[2, 3], &[3e38; 6]),
+            "`rgb` of up to 2.3e-1 times `ndf`/(4 `sigma`) of up to 3.0e38 is too much",
+        ),
+        (floats("sigma", &[2, 2], &[1.0, 1.0, 0.0, 1.0]), "`sigma`: value 2 is 0, expected an area"),
+        (floats("theta_i", &[0], &[]), "`theta_i` is empty"),
+        (floats("theta_i", &[2], &[0.5, 0.5]), "`theta_i`: value 1 does not rise"),
+        (floats("theta_i", &[2], &[0.5, 5.0]), "`theta_i`: value 1 is 5, expected an angle in radians"),
+        (floats("phi_i", &[2], &[0.0, 1.0]), "`vndf` has [1, 2] slices, expected [2, 2]"),
+        (floats("vndf", &[1, 2, 2, 2], &[-1.0; 8]), "`vndf`: value 0 is -1"),
+        (floats("luminance", &[1, 3, 2, 2], &[1.0; 12]), "`luminance` has [1, 3] slices, expected [1, 2]"),
+        (floats("rgb", &[1, 2, 4, 2, 2], &[1.0; 32]), "`rgb` has 4 channels, expected 3"),
+        (floats("rgb", &[1, 2, 3, 2, 2], &[f32::NAN; 24]), "`rgb`: value 0 is NaN"),
+        (floats("rgb", &[1, 2, 3, 1, 2], &[0.5; 12]), "`rgb` has 2 × 1 nodes, expected 2 to 8192"),
+        (
+            Field { kind: 1, bytes: vec![7], ..floats("jacobian", &[1], &[]) },
+            "`jacobian` is 7, expected 0 or 1",
+        ),
+        (Field { kind: 1, ..floats("jacobian", &[0], &[]) }, "`jacobian` has 0 values, expected 1"),
+        (Field { shape: vec![2, 3], ..floats("ndf", &[], &[]) }, "does not fit into the"),
+        (ndf(&[huge, 3], &[]), "does not fit into the"),
+        (ndf(&[1 << 33, 1 << 33], &[]), "does not fit into the"),
+        (floats("vndf", &[1, 2, huge, 0], &[]), "does not fit into the"),
+        (Field { offset: Some(u64::MAX - 7), ..ndf(&[2, 3], &[0.5; 6]) }, "does not fit into the"),
+        (Field { offset: Some(1 << 40), ..ndf(&[2, 3], &[0.5; 6]) }, "at byte 1099511627776 does not fit"),
+    ] {
+        let message = with(field);
+        assert!(message.contains(said), "{said}: {message}");
+    }
+
+    let spectral = |wavelengths: &[f32], channels: u64| {
+        let mut fields: Vec<Field> = small().into_iter().filter(|f| f.name != "rgb").collect();
+        fields.push(floats("wavelengths", &[wavelengths.len() as u64], wavelengths));
+        let values = vec![0.5; 8 * channels as usize];
+        fields.push(floats("spectra", &[1, 2, channels, 2, 2], &values));
+        read(file(&fields)).unwrap_err()
+    };
+    assert_eq!(spectral(&[], 1), "`wavelengths` has 0 values, expected 1 to 4096");
+    assert_eq!(spectral(&[500.0, 400.0], 2), "`wavelengths`: value 1 does not rise");
+    assert_eq!(spectral(&[f32::NAN], 1), "`wavelengths`: value 0 is NaN");
+    assert_eq!(spectral(&[400.0, 500.0], 3), "`spectra` has 3 channels, expected 2");
+    let without: Vec<Field> = small().into_iter().filter(|f| f.name != "rgb").collect();
+    assert_eq!(read(file(&without)).unwrap_err(), "there is neither a field `rgb` nor `spectra`");
+    // Ever so many elevations, each of which takes time.
+    let mut many = small();
+    let rising: Vec<f32> = (0..20_000).map(|i| i as f32 * 7e-5).collect();
+    many[0] = floats("theta_i", &[20_000], &rising);
+    many[4] = floats("vndf", &[1, 20_000, 2, 2], &vec![1.0; 80_000]);
+    many[5] = floats("luminance", &[1, 20_000, 2, 2], &vec![1.0; 80_000]);
+    many[6] = floats("rgb", &[1, 20_000, 3, 2, 2], &vec![0.1; 240_000]);
+    let said = "`theta_i` and `phi_i` make 20000 × 1 slices, more than 16384";
+    assert_eq!(read(file(&many)).unwrap_err(), said);
+    // Azimuths of a third of the circle.
+    let mut third = small();
+    third[1] = floats("phi_i", &[3], &[-3.1, -2.0, -1.0]);
+    third[4] = floats("vndf", &[3, 2, 2, 2], &[1.0; 24]);
+    third[5] = floats("luminance", &[3, 2, 2, 2], &[1.0; 24]);
+    third[6] = floats("rgb", &[3, 2, 3, 2, 2], &[0.1; 72]);
+    let said = "`phi_i` runs from -3.1 to -1, expected all azimuths, or -π to 0, or -π to -π/2";
+    assert_eq!(read(file(&third)).unwrap_err(), said);
 }
 
 // ---------------------------------------------------------------- images

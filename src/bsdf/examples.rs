@@ -25,6 +25,7 @@ pub(super) fn examples() -> Named {
     rough_plastics(&mut list);
     super::examples_gltf::push(&mut list);
     super::examples_principled::push(&mut list);
+    super::examples_measured::push(&mut list);
     list
 }
 

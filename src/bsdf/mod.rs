@@ -21,10 +21,12 @@ mod energy_coat;
 mod energy_glass;
 mod examples;
 mod examples_gltf;
+mod examples_measured;
 mod examples_principled;
 mod film;
 pub mod fresnel;
 mod layered;
+mod measured;
 mod metal_rough;
 pub mod microfacet;
 mod null;
@@ -45,6 +47,7 @@ pub use diffuse::Diffuse;
 pub use energy_glass::GlassTable;
 pub use film::Film;
 pub use layered::{Layered, Layers};
+pub use measured::Measured;
 pub use metal_rough::{MetalRough, Substance};
 pub use microfacet::{Distribution, Microfacet};
 pub use null::Null;
@@ -86,6 +89,8 @@ kinds! {
         Principled(&'a Principled) = ["principled"],
         /// Mitsuba's principled sheet.
         PrincipledThin(&'a PrincipledThin) = ["principledthin"],
+        /// Tables of a measured material.
+        Measured(&'a Measured) = ["measured"],
         /// Nothing at all: light passes.
         Null(Null) = ["null"],
     }
@@ -147,6 +152,7 @@ macro_rules! each {
             Bsdf::Layered($kind) => $body,
             Bsdf::Principled($kind) => $body,
             Bsdf::PrincipledThin($kind) => $body,
+            Bsdf::Measured($kind) => $body,
             Bsdf::Null($kind) => $body,
         }
     };
@@ -182,13 +188,15 @@ impl Bsdf<'_> {
 
     /// True when `eval` is zero everywhere: light samples are useless.
     #[must_use]
+    #[inline]
     pub fn is_delta_only(&self) -> bool {
         match self {
             Bsdf::Diffuse(_)
             | Bsdf::Plastic(_)
             | Bsdf::RoughPlastic(_)
             | Bsdf::Principled(_)
-            | Bsdf::PrincipledThin(_) => false,
+            | Bsdf::PrincipledThin(_)
+            | Bsdf::Measured(_) => false,
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::Conductor(_) | Bsdf::Null(_) => true,
             Bsdf::RoughConductor(kind) => kind.distribution.is_delta(),
             Bsdf::RoughDielectric(kind) => kind.is_delta_only(),
@@ -199,6 +207,7 @@ impl Bsdf<'_> {
 
     /// True when [`Bsdf::sample`] reads its `u_lobe`.
     #[must_use]
+    #[inline]
     pub fn chooses(&self) -> bool {
         match self {
             Bsdf::Dielectric(_)
@@ -210,12 +219,17 @@ impl Bsdf<'_> {
             | Bsdf::Layered(_)
             | Bsdf::Principled(_)
             | Bsdf::PrincipledThin(_) => true,
-            Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::RoughConductor(_) | Bsdf::Null(_) => false,
+            Bsdf::Diffuse(_)
+            | Bsdf::Conductor(_)
+            | Bsdf::RoughConductor(_)
+            | Bsdf::Measured(_)
+            | Bsdf::Null(_) => false,
         }
     }
 
     /// True when [`Bsdf::sample`] reads its `u`.
     #[must_use]
+    #[inline]
     pub fn spreads(&self) -> bool {
         !matches!(self, Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::Conductor(_) | Bsdf::Null(_))
     }
@@ -229,7 +243,8 @@ impl Bsdf<'_> {
             | Bsdf::Conductor(_)
             | Bsdf::RoughConductor(_)
             | Bsdf::Plastic(_)
-            | Bsdf::RoughPlastic(_) => true,
+            | Bsdf::RoughPlastic(_)
+            | Bsdf::Measured(_) => true,
             Bsdf::MetalRough(kind) => kind.is_one_sided(),
             Bsdf::Layered(kind) => kind.is_one_sided(),
             Bsdf::Principled(kind) => !kind.transmits(),

@@ -62,7 +62,8 @@ fn lambda(cos: f32, alpha: f32) -> f32 {
     let (a, b, c) = (mix(21.5473, 25.3245), mix(3.82987, 3.32435), mix(0.19823, 0.16801));
     let (d, e) = (mix(-1.97760, -1.27393), mix(-4.32054, -4.85967));
     let l = |x: f32| a / (1.0 + b * x.powf(c)) + d * x + e;
-    if cos < 0.5 { l(cos.max(0.0)).exp() } else { (2.0 * l(0.5) - l(1.0 - cos)).exp() }
+    // Directions are unit to rounding, so that a cosine may be above 1.
+    if cos < 0.5 { l(cos.max(0.0)).exp() } else { (2.0 * l(0.5) - l((1.0 - cos).max(0.0))).exp() }
 }
 
 /// Share of light that white sheen would scatter at a cosine in [0, 1]: up to

@@ -9,7 +9,7 @@ mod hues;
 mod spectrum;
 
 pub use hues::Hue;
-pub use spectrum::{matching_rgb, reflectance_spectrum_to_rgb, spectrum_to_rgb};
+pub use spectrum::{matching_rgb, reflectance_spectrum_to_rgb, reflectance_weights, spectrum_to_rgb};
 
 use crate::math::Rgb;
 use conductors::CONDUCTORS;

@@ -39,6 +39,39 @@ pub fn reflectance_spectrum_to_rgb(pairs: &[(f64, f64)]) -> Rgb {
     integrate(pairs, true)
 }
 
+/// What a value at each of the wavelengths, in nm and rising, adds to the linear
+/// sRGB of a reflectance spectrum: [`reflectance_spectrum_to_rgb`] before it
+/// clamps.
+#[must_use]
+pub fn reflectance_weights(wavelengths: &[f64]) -> Vec<[f64; 3]> {
+    let mut weights = vec![[0.0; 3]; wavelengths.len()];
+    let last = wavelengths.len().saturating_sub(1);
+    for_each_point(true, |wavelength, rgb| {
+        let Some(place) = wavelengths.partition_point(|w| *w <= wavelength).checked_sub(1) else { return };
+        let (a, b) = (wavelengths[place], wavelengths[(place + 1).min(last)]);
+        if place == last && wavelength > a {
+            return;
+        }
+        let share = if b > a { (wavelength - a) / (b - a) } else { 0.0 };
+        for c in 0..3 {
+            weights[place][c] += rgb[c] * (1.0 - share);
+            weights[(place + 1).min(last)][c] += rgb[c] * share;
+        }
+    });
+    weights
+}
+
+/// Calls for each point of the sum, with what a value of 1 there adds.
+fn for_each_point(under_d65: bool, mut f: impl FnMut(f64, [f64; 3])) {
+    let step = (WAVELENGTHS.1 - WAVELENGTHS.0) / STEPS as f64 / Y_INTEGRAL;
+    for i in 0..STEPS {
+        let wavelength = WAVELENGTHS.0 + (i as f64 / (STEPS - 1) as f64) * (WAVELENGTHS.1 - WAVELENGTHS.0);
+        let [x, y, z, d65] = cie(wavelength);
+        let light = step * if under_d65 { d65 * D65_SCALE } else { 1.0 };
+        f(wavelength, XYZ_TO_RGB.map(|m| light * (m[0] * x + m[1] * y + m[2] * z)));
+    }
+}
+
 fn integrate(pairs: &[(f64, f64)], under_d65: bool) -> Rgb {
     let mut xyz = [0.0f64; 3];
     for i in 0..STEPS {
@@ -100,6 +133,17 @@ mod tests {
         let reflectance = Rgb::new(0.364_962_1, 0.424_426_8, 0.303_798_26);
         assert!((spectrum_to_rgb(&pairs) - emission).abs().max_element() < 1e-6);
         assert!((reflectance_spectrum_to_rgb(&pairs) - reflectance).abs().max_element() < 1e-6);
+    }
+
+    #[test]
+    fn weights_make_the_same_colour() {
+        let pairs = [(380.0, 0.2), (400.0, 0.1), (500.0, 0.5), (600.0, 0.3), (700.0, 0.9)];
+        let weights = reflectance_weights(&pairs.map(|p| p.0));
+        let sum = |c: usize| pairs.iter().zip(&weights).map(|(p, w)| p.1 * w[c]).sum::<f64>() as f32;
+        let expected = reflectance_spectrum_to_rgb(&pairs);
+        assert!((Rgb::new(sum(0), sum(1), sum(2)) - expected).abs().max_element() < 1e-6);
+        assert!(reflectance_weights(&[]).is_empty());
+        assert!(reflectance_weights(&[500.0, 500.0]).iter().flatten().all(|w| w.is_finite()));
     }
 
     #[test]

@@ -2,20 +2,22 @@
 //! reader and the error type of all input.
 //!
 //! Every reader (Mitsuba XML, glTF, …) produces a [`SceneDesc`]: a tree of
-//! [`Object`]s with named parameters, and the meshes, curves and images they name,
-//! already decoded. [`Params`] reads an object's parameters, and reports the
+//! [`Object`]s with named parameters, and the meshes, curves, images
+//! and measured materials they name, already decoded. [`Params`] reads an object's parameters, and reports the
 //! ones nobody asked for.
 
 mod curves;
 mod error;
 mod kinds;
 mod lenient;
+mod measured;
 mod optics;
 mod params;
 
 pub use curves::Curves;
 pub use error::{Error, Pos, Result, nearest};
 pub use lenient::Leniency;
+pub use measured::{MeasuredData, Nodes};
 pub use params::Params;
 
 use std::sync::{Arc, OnceLock};
@@ -42,6 +44,8 @@ pub struct SceneDesc {
     pub images: Vec<Arc<Image>>,
     /// Decoded curves.
     pub curves: Vec<Arc<Curves>>,
+    /// Decoded measurements of materials.
+    pub measured: Vec<Arc<MeasuredData>>,
     /// Things worth telling the user that do not change the picture's meaning.
     pub warnings: Vec<String>,
     /// Names of the mesh attributes that textures read; see [`SceneDesc::attribute_names`].
@@ -146,6 +150,8 @@ pub enum Value {
     Image(u32),
     /// Decoded curves: index into [`SceneDesc::curves`].
     Curves(u32),
+    /// A decoded measurement: index into [`SceneDesc::measured`].
+    Measured(u32),
 }
 
 impl Value {
@@ -166,6 +172,7 @@ impl Value {
             Value::Mesh(_) => "mesh",
             Value::Image(_) => "image",
             Value::Curves(_) => "curves",
+            Value::Measured(_) => "measured material",
         }
     }
 }
@@ -354,6 +361,7 @@ impl SceneDesc {
             }
         }
         self.curves.iter().for_each(|curves| curves.hash(&mut hash));
+        self.measured.iter().for_each(|data| data.hash(&mut hash));
         hash.value()
     }
 }

@@ -240,6 +240,14 @@ impl<'a> Params<'a> {
         }
     }
 
+    /// The measurement that the reader attached under the name `measured`.
+    pub fn measured(&self) -> Option<&'a std::sync::Arc<super::MeasuredData>> {
+        match self.get("measured")?.value {
+            Value::Measured(i) => self.scene.measured.get(i as usize),
+            _ => None,
+        }
+    }
+
     /// Fails on the first parameter that was not read; in a lenient scene all
     /// of them are ignored.
     pub fn finish(self) -> Result<()> {

@@ -8,8 +8,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::parse::Parsed;
-use super::{LoadOptions, curves, files, image_file, lenient, obj, ply, serialized};
-use crate::desc::{Category, Curves, Image, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value};
+use super::{LoadOptions, curves, files, image_file, lenient, measured, obj, ply, serialized};
+use crate::desc::{
+    Category, Curves, Image, MeasuredData, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value,
+};
 
 /// A mesh file's format and the parameters that change how it is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,12 +43,14 @@ enum Request {
     Curves {
         least: usize,
     },
+    Measured,
 }
 
 enum Decoded {
     Mesh(Mesh),
     Image(Image),
     Curves(Curves),
+    Measured(MeasuredData),
 }
 
 /// One file to decode, and who asked first.
@@ -106,6 +110,7 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
                 params.retain(|p| p.name != "filename");
                 "curves"
             }
+            Value::Measured(_) => "measured",
             _ => "image",
         };
         params.push(Param { name: name.into(), value, pos });
@@ -128,6 +133,10 @@ fn keep(scene: &mut SceneDesc, decoded: Decoded) -> Value {
             scene.curves.push(Arc::new(curves));
             Value::Curves(scene.curves.len() as u32 - 1)
         }
+        Decoded::Measured(data) => {
+            scene.measured.push(Arc::new(data));
+            Value::Measured(scene.measured.len() as u32 - 1)
+        }
     }
 }
 
@@ -141,6 +150,10 @@ fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {
             let name = job.path.display().to_string();
             let image = image_file::read(&job.path, &name, options.max_image_bytes)?;
             Ok((Decoded::Image(image), Vec::new()))
+        }
+        Request::Measured => {
+            let (data, warnings) = measured::read(&job.path)?;
+            Ok((Decoded::Measured(data), warnings))
         }
         Request::Curves { least } => Ok((Decoded::Curves(curves::read(&job.path, least)?), Vec::new())),
     }
@@ -167,6 +180,7 @@ fn job_of(parsed: &Parsed, id: ObjectId) -> Result<Option<Job>> {
         (Category::Shape, "linearcurve") => Request::Curves { least: 2 },
         (Category::Shape, "bsplinecurve") => Request::Curves { least: 4 },
         (Category::Texture, "bitmap") | (Category::Emitter, "envmap") => Request::Image,
+        (Category::Bsdf, "measured") => Request::Measured,
         _ => return Ok(None),
     };
     let Some(name) = params.string_opt("filename")? else {

@@ -12,6 +12,8 @@ pub const XML_CAP: u64 = 256 << 20;
 pub const MESH_CAP: u64 = 8 << 30;
 /// Largest image file in bytes.
 pub const IMAGE_CAP: u64 = 2 << 30;
+/// Largest file of a measured material in bytes.
+pub const MEASURED_CAP: u64 = 2 << 30;
 /// Largest spectrum file in bytes.
 pub const SPECTRUM_CAP: u64 = 16 << 20;
 

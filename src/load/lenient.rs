@@ -93,11 +93,17 @@ pub fn without_file(scene: &mut SceneDesc, id: ObjectId, error: Error) -> Result
     let outcome = match category {
         Category::Texture => "replaced by mid grey",
         Category::Emitter => "replaced by a grey surrounding",
+        Category::Bsdf => "replaced by a grey `diffuse`",
         _ => "left out",
     };
     scene.replace(error, outcome)?;
     match category {
         Category::Texture => grey_texture(scene, id),
+        Category::Bsdf => {
+            let mut old = Old { scene, id };
+            old.keep(&[]);
+            old.become_plugin("diffuse");
+        }
         Category::Emitter => {
             let mut old = Old { scene, id };
             old.keep(&["sampling_weight"]);

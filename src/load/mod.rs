@@ -1,16 +1,17 @@
-//! Files to [`SceneDesc`]: Mitsuba 3 scene files, glTF 2.0, meshes, curves and images.
+//! Files to [`SceneDesc`]: Mitsuba 3 scene files, glTF 2.0, meshes, curves, images
+//! and measured materials.
 //!
 //! [`load`] reads a glTF file by its ending (`gltf`, `glb`), and anything else
 //! as XML, in four steps. (1) The XML of the file and of its
 //! includes becomes objects and parameters, with `$name` replaced. (2)
 //! References become object ids, cycles and unknown ids are errors; and files
 //! older than 2.0 are brought to today's kinds and parameters. (3) The files
-//! that shapes, textures and emitters name are found, and each is decoded
+//! that shapes, textures, emitters and bsdfs name are found, and each is decoded
 //! once, in parallel. (4) What was decoded
 //! is attached to the objects: a `mesh` to shapes `obj`, `ply` and
 //! `serialized` (whose `filename`, `flip_tex_coords` and `shape_index` are
-//! thereby used up), an `image` to `bitmap` textures and `envmap` emitters
-//! (whose `filename` stays, for messages).
+//! thereby used up), an `image` to `bitmap` textures and `envmap` emitters,
+//! and `measured` to bsdfs of that name (whose `filename` stays, for messages).
 //!
 //! Unknown tags, malformed values and bad files are errors of this room; names
 //! of plugins and parameters are checked by whoever builds them. Only regular
@@ -25,6 +26,7 @@ mod foreign;
 mod gltf;
 mod image_file;
 mod lenient;
+mod measured;
 mod obj;
 mod old;
 mod old_bsdfs;
@@ -47,7 +49,7 @@ pub use picture::{Picture, read_picture, read_picture_within};
 
 use std::path::{Path, PathBuf};
 
-use crate::desc::{Error, Image, Mesh, Result, SceneDesc};
+use crate::desc::{Error, Image, MeasuredData, Mesh, Result, SceneDesc};
 
 /// What can be set when a scene is loaded.
 #[derive(Clone, Debug)]
@@ -200,4 +202,10 @@ pub fn read_mesh(path: &Path) -> Result<Mesh> {
 pub fn read_image(path: &Path, options: &LoadOptions) -> Result<Image> {
     let name = path.display().to_string();
     image_file::read(path, &name, options.max_image_bytes).map_err(|e| e.at(name, Default::default()))
+}
+
+/// Reads one measured material.
+pub fn read_measured(path: &Path) -> Result<MeasuredData> {
+    let read = measured::read(path).map(|(data, _)| data);
+    read.map_err(|e| e.at(path.display().to_string(), Default::default()))
 }

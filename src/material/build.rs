@@ -9,9 +9,9 @@ use super::perturb::{Map, Perturbation};
 use super::principled::PrincipledSurface;
 use super::surface::{Coating, Roughness, Surface};
 use super::{Material, WHITE};
-use crate::bsdf::{Coat, Distribution, GlassTable, RoughPlasticTable};
+use crate::bsdf::{Coat, Distribution, GlassTable, Measured, RoughPlasticTable};
 use crate::color;
-use crate::desc::{Category, ObjectId, Params, Result, SceneDesc, Value};
+use crate::desc::{Category, MeasuredData, ObjectId, Params, Result, SceneDesc, Value};
 use crate::math::Rgb;
 use crate::texture::{Texture, Usage, texture_from_desc, texture_param};
 
@@ -27,6 +27,7 @@ pub const NAMES: &[&str] = &[
     "roughplastic",
     "principled",
     "principledthin",
+    "measured",
     "gltf",
     "twosided",
     "mask",
@@ -47,6 +48,8 @@ pub struct MaterialBuilder {
     built: HashMap<ObjectId, Arc<Material>>,
     /// Tables of solids by the bits of their index of refraction.
     glasses: HashMap<u32, Arc<GlassTable>>,
+    /// Tables of measured materials by the address of what they are made of.
+    measured: HashMap<*const MeasuredData, Arc<Measured>>,
 }
 
 impl MaterialBuilder {
@@ -110,6 +113,7 @@ impl MaterialBuilder {
                 };
                 Material::Surface(Surface::Gltf(Box::new(Gltf::new(&params, &mut glasses)?)))
             }
+            "measured" => Material::Surface(Surface::Measured(self.measured(&params)?)),
             name => match surface(&params, name)? {
                 Some(surface) => Material::Surface(surface),
                 None => {
@@ -121,6 +125,31 @@ impl MaterialBuilder {
         };
         params.finish()?;
         Ok(material)
+    }
+}
+
+impl MaterialBuilder {
+    /// The tables of a `measured`, once for each file.
+    ///
+    /// `filename` is its one parameter: a file of the RGL material database,
+    /// either kind. Those of spectra, which Mitsuba's RGB variants refuse, are
+    /// taken to RGB like any spectrum of a reflectance: who has the file wants to
+    /// see the material, and after one bounce of white light the colour is exact.
+    ///
+    /// ```xml
+    /// <bsdf type="measured">
+    ///     <string name="filename" value="data/isotropic.bsdf"/>
+    /// </bsdf>
+    /// ```
+    fn measured(&mut self, params: &Params) -> Result<Arc<Measured>> {
+        params.string_opt("filename")?;
+        let data = params.measured().ok_or_else(|| params.error("bsdf `measured` needs a `filename`"))?;
+        if let Some(tables) = self.measured.get(&Arc::as_ptr(data)) {
+            return Ok(tables.clone());
+        }
+        let tables = Arc::new(Measured::new(data.clone()).map_err(|message| params.error(message))?);
+        self.measured.insert(Arc::as_ptr(data), tables.clone());
+        Ok(tables)
     }
 }
 

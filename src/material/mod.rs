@@ -296,6 +296,18 @@ impl Material {
         });
         names
     }
+
+    /// Bytes of tables that it holds beside textures.
+    #[must_use]
+    pub fn table_bytes(&self) -> usize {
+        let mut bytes = 0;
+        self.visit(&mut |m| {
+            if let Material::Surface(Surface::Measured(tables)) = m {
+                bytes += tables.memory_bytes();
+            }
+        });
+        bytes
+    }
 }
 
 /// A colour of one.

@@ -1,11 +1,13 @@
 //! The leaves of a material: one bsdf, its parameters read from textures.
 
+use std::sync::Arc;
+
 use super::gltf::Gltf;
 use super::principled::PrincipledSurface;
 use super::{Lobe, Point, Scatter};
 use crate::bsdf::{
-    Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Microfacet, Null, Plastic, RoughConductor,
-    RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
+    Bsdf, Coat, Conductor, Dielectric, Diffuse, Distribution, Measured, Microfacet, Null, Plastic,
+    RoughConductor, RoughDielectric, RoughPlastic, RoughPlasticTable, ThinDielectric,
 };
 use crate::texture::{Coords, Texture};
 
@@ -65,6 +67,8 @@ pub enum Surface {
     Gltf(Box<Gltf>),
     /// `principled` and `principledthin`.
     Principled(Box<PrincipledSurface>),
+    /// `measured`; one for all that name the same file.
+    Measured(Arc<Measured>),
     /// `null`: nothing there.
     Null,
 }
@@ -150,6 +154,7 @@ impl Surface {
                     }
                 }
             }
+            Surface::Measured(tables) => (&**tables).into(),
             Surface::Gltf(_) | Surface::Principled(_) | Surface::Null => Null.into(),
         }
     }
@@ -173,6 +178,7 @@ impl Surface {
             Surface::Plastic { .. } => "roughplastic",
             Surface::Gltf(_) => "gltf",
             Surface::Principled(surface) => surface.name(),
+            Surface::Measured(_) => "measured",
             Surface::Null => "null",
         }
     }
@@ -198,7 +204,7 @@ impl Surface {
             Surface::Plastic { diffuse, specular, .. } => vec![diffuse, specular],
             Surface::Gltf(surface) => surface.textures(),
             Surface::Principled(surface) => surface.textures(),
-            Surface::Null => Vec::new(),
+            Surface::Measured(_) | Surface::Null => Vec::new(),
         }
     }
 
@@ -209,6 +215,7 @@ impl Surface {
             | Surface::Conductor { roughness: Some(roughness), .. } => roughness.alpha_v.is_some(),
             Surface::Gltf(surface) => surface.is_anisotropic(),
             Surface::Principled(surface) => surface.is_anisotropic(),
+            Surface::Measured(tables) => tables.is_anisotropic(),
             _ => false,
         }
     }
@@ -230,7 +237,9 @@ impl Surface {
             | Surface::Plastic { .. }
             | Surface::Gltf(_)
             | Surface::Principled(_) => true,
-            Surface::Diffuse { .. } | Surface::Conductor { .. } | Surface::Null => false,
+            Surface::Diffuse { .. } | Surface::Conductor { .. } | Surface::Measured(_) | Surface::Null => {
+                false
+            }
         }
     }
 

@@ -342,6 +342,7 @@ impl Builder<'_> {
         let mut pyramids = Pyramids::default();
         let mut seen = HashSet::new();
         for material in &self.materials {
+            self.plan.texture_bytes += material.table_bytes();
             material.visit_textures(&mut |texture| {
                 texture.visit_bitmaps(&mut |bitmap| {
                     if filter == TextureFilter::Footprint {

@@ -81,7 +81,7 @@ pub struct Plan {
     pub saved_bytes: usize,
     /// Bytes of the accelerator.
     pub accel_bytes: usize,
-    /// Bytes of textures.
+    /// Bytes of textures and of tables of materials.
     pub texture_bytes: usize,
     /// Bytes of their averages over footprints; 0 when none are kept.
     pub pyramid_bytes: usize,
@@ -307,7 +307,7 @@ impl fmt::Display for Plan {
         writeln!(f, "  dimensions  {before} for the camera, at most {per_vertex} a vertex")?;
         writeln!(
             f,
-            "  memory      geometry {}, accelerator {} ({}), textures {}",
+            "  memory      geometry {}, accelerator {} ({}), textures and tables {}",
             bytes(self.geometry_bytes),
             bytes(self.accel_bytes),
             self.accel,

@@ -5,11 +5,14 @@
 
 use std::cell::{LazyCell, RefCell};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use etendue::bsdf::{Bsdf, Measured};
 use etendue::desc::{Category, Error, Image, Mesh, Param, SceneDesc};
 use etendue::integrator::{Integrator, IntegratorOptions};
 use etendue::load::{
-    LoadOptions, Picture, load_gltf_bytes, load_str, read_image, read_mesh, read_picture_within,
+    LoadOptions, Picture, load_gltf_bytes, load_str, read_image, read_measured, read_mesh,
+    read_picture_within,
 };
 use etendue::scene::{BuildOptions, Scene};
 use etendue::study::{Ledger, Plan};
@@ -17,6 +20,7 @@ use tempfile::TempDir;
 
 #[path = "readers_numbers.rs"]
 mod numbers;
+use numbers::scatter;
 pub use numbers::{bsdf, shape};
 
 /// What takes the bytes of an input.
@@ -30,6 +34,7 @@ pub const ALL: &[(&str, Reader)] = &[
     ("obj", obj),
     ("serialized", serialized),
     ("curves", curves),
+    ("measured", measured),
     ("gltf", gltf),
     ("exr", exr),
     ("picture", picture),
@@ -206,6 +211,26 @@ pub fn curves(data: &[u8]) {
     let Some((how, rest)) = data.split_first() else { return };
     let kind = if how & 1 == 0 { "linearcurve" } else { "bsplinecurve" };
     scene_of(kind, "", &file("a.txt", rest));
+}
+
+/// Measured materials; what is read is evaluated too.
+pub fn measured(data: &[u8]) {
+    let path = file("a.bsdf", data);
+    let data = match read_measured(&path) {
+        Ok(data) => data,
+        Err(error) => return told(&error),
+    };
+    let tables = Measured::new(Arc::new(data)).expect("the reader has checked it");
+    scatter(&Bsdf::from(&tables));
+    let xml = format!(
+        "<scene version=\"3.0.0\"><sensor type=\"perspective\"/><shape type=\"sphere\"><bsdf type=\"measured\">\
+         <string name=\"filename\" value=\"{}\"/></bsdf></shape></scene>",
+        path.display()
+    );
+    match load_str(&xml, &folder(), &options()) {
+        Ok(desc) => build(&desc),
+        Err(error) => told(&error),
+    }
 }
 
 /// Mitsuba's binary meshes: the file itself, or (the first byte says) what is

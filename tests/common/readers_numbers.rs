@@ -73,6 +73,24 @@ fn is_colour(c: Rgb) -> bool {
     c.is_finite() && c.min_element() >= 0.0
 }
 
+/// Tables of any contents: values and densities are finite, and what is sampled
+/// is a direction. A weight may be too large for a number; it is then counted.
+pub fn scatter(bsdf: &Bsdf) {
+    for i in 0..64u32 {
+        let at = |k: u32| (i * k % 64) as f32 / 64.0;
+        let direction = |z: f32, turn: f32| {
+            let ((s, c), r) = ((turn * std::f32::consts::TAU).sin_cos(), (1.0 - z * z).sqrt());
+            Vec3::new(r * c, r * s, z)
+        };
+        let (wo, wi) = (direction(1.0 - at(27), at(5)), direction(1.0 - at(43).powi(4), at(19)));
+        let (value, pdf) = bsdf.eval_pdf(wo, wi);
+        assert!(is_colour(value) && pdf.is_finite() && pdf >= 0.0, "eval({wo}, {wi}) = {value}, {pdf}");
+        assert!(is_colour(bsdf.albedo(wo)), "albedo({wo}) = {}", bsdf.albedo(wo));
+        let Some(s) = bsdf.sample(wo, 0.5, Vec2::new(at(11), at(37))) else { continue };
+        assert!(s.wi.is_normalized() && s.pdf.is_finite() && s.pdf > 0.0, "sample({wo}) = {s:?}");
+    }
+}
+
 fn scattering(name: &str, bsdf: &Bsdf, (wo, wi): (Vec3, Vec3), (lobe, u): (f32, Vec2)) {
     let (value, pdf) = bsdf.eval_pdf(wo, wi);
     assert!(is_colour(value), "{name}: eval({wo}, {wi}) = {value}");
