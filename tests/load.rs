@@ -689,6 +689,35 @@ fn eight_and_sixteen_bits() {
     );
 }
 
+/// What stands in the file and is not seen is not decoded; but it has to be there.
+#[test]
+fn images_that_nothing_shows_are_not_read() {
+    let folder = Folder::new();
+    image::GrayImage::from_pixel(8, 8, image::Luma([100])).save(folder.path("a.png")).unwrap();
+    folder.put("b.png", "no image");
+    let material = |id: &str, file: &str| {
+        format!(
+            r#"<bsdf type="mask" id="{id}"><texture name="opacity" type="bitmap"><string name="channel" value="a"/>
+            <string name="filename" value="{file}"/></texture><bsdf type="diffuse"><texture name="reflectance"
+            type="bitmap"><string name="filename" value="{file}"/></texture></bsdf></bsdf>"#
+        )
+    };
+    let seen = r#"<bsdf type="diffuse" id="seen"><texture name="reflectance" type="bitmap">
+        <string name="filename" value="a.png"/></texture></bsdf>
+        <shape type="sphere"><ref id="seen"/></shape><sensor type="perspective"/>"#;
+    folder.put("s.xml", scene(&(material("unseen", "b.png") + seen)));
+    let desc = folder.load("s.xml", &[]).unwrap();
+    assert_eq!((desc.images.len(), desc.unread_images), (2, 1));
+    let built = etendue::scene::Scene::build(&desc, &etendue::scene::BuildOptions::default()).unwrap();
+    assert_eq!(built.plan.texture_bytes, 64);
+    assert!(built.plan.to_string().contains("images: 1 that nothing shows; not read"), "{}", built.plan);
+    folder.put("s.xml", scene(&(material("unseen", "c.png") + seen)));
+    assert!(folder.load("s.xml", &[]).unwrap_err().contains("cannot find the file `c.png`"));
+    let used = seen.replace("seen\"/></shape>", "unseen\"/></shape>");
+    folder.put("s.xml", scene(&(material("unseen", "b.png") + &used)));
+    assert!(folder.load("s.xml", &[]).unwrap_err().contains("no image format that is known"));
+}
+
 fn exr_file(path: &Path, layers: &[(&str, &[(&str, f32)])]) {
     use exr::prelude::*;
     let layer = |(name, channels): &(&str, &[(&str, f32)])| {

@@ -42,6 +42,8 @@ pub struct SceneDesc {
     pub meshes: Vec<Arc<Mesh>>,
     /// Decoded images.
     pub images: Vec<Arc<Image>>,
+    /// Images among them that nothing shows: a grey texel stands for each.
+    pub unread_images: usize,
     /// Decoded curves.
     pub curves: Vec<Arc<Curves>>,
     /// Decoded measurements of materials.

@@ -10,7 +10,8 @@ use rayon::prelude::*;
 use super::parse::Parsed;
 use super::{LoadOptions, curves, files, image_file, lenient, measured, obj, ply, serialized};
 use crate::desc::{
-    Category, Curves, Image, MeasuredData, Mesh, ObjectId, Param, Params, Pos, Result, SceneDesc, Value,
+    Category, Curves, Image, MeasuredData, Mesh, ObjectId, Param, Params, Pixels, Pos, Result, SceneDesc,
+    Value,
 };
 
 /// A mesh file's format and the parameters that change how it is read.
@@ -39,6 +40,8 @@ impl MeshRequest {
 enum Request {
     Mesh(MeshRequest),
     Image,
+    /// An image that nothing shows: a texel stands for it.
+    Unshown,
     /// With that many points or more each.
     Curves {
         least: usize,
@@ -65,8 +68,12 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
     let mut jobs: Vec<Job> = Vec::new();
     let mut known: HashMap<(PathBuf, Request), usize> = HashMap::new();
     let mut users: Vec<(ObjectId, usize, Pos)> = Vec::new();
+    let shown = shown(&parsed.scene);
     for id in 0..parsed.scene.objects.len() as ObjectId {
         let job = match job_of(parsed, id) {
+            Ok(Some(job)) if job.request == Request::Image && !shown[id as usize] => {
+                Job { request: Request::Unshown, ..job }
+            }
             Ok(Some(job)) => job,
             Ok(None) => continue,
             Err(error) => {
@@ -82,6 +89,7 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
         users.push((id, index, pos));
     }
 
+    parsed.scene.unread_images = jobs.iter().filter(|job| job.request == Request::Unshown).count();
     let results: Vec<_> = jobs.par_iter().map(|job| run(job, options)).collect();
     let mut values = Vec::with_capacity(jobs.len());
     for (job, result) in jobs.iter().zip(results) {
@@ -118,6 +126,32 @@ pub fn decode(parsed: &mut Parsed, options: &LoadOptions) -> Result<()> {
     Ok(())
 }
 
+/// Which objects some shape, light, camera or integrator has to do with: materials and
+/// textures that only stand in the file are not among them. All, where there is nothing to
+/// see.
+fn shown(scene: &SceneDesc) -> Vec<bool> {
+    let objects = |id: ObjectId| {
+        scene
+            .object(id)
+            .params
+            .iter()
+            .filter_map(|p| if let Value::Object(id) = p.value { Some(id) } else { None })
+    };
+    let of = |id: &ObjectId, categories: &[Category]| categories.contains(&scene.object(*id).category);
+    if !objects(scene.root).any(|id| of(&id, &[Category::Shape, Category::Emitter])) {
+        return vec![true; scene.objects.len()];
+    }
+    let mut shown = vec![false; scene.objects.len()];
+    let mut stack: Vec<ObjectId> =
+        objects(scene.root).filter(|id| !of(id, &[Category::Bsdf, Category::Texture])).collect();
+    while let Some(id) = stack.pop() {
+        if !std::mem::replace(&mut shown[id as usize], true) {
+            stack.extend(objects(id));
+        }
+    }
+    shown
+}
+
 /// Puts what was decoded into the scene.
 fn keep(scene: &mut SceneDesc, decoded: Decoded) -> Value {
     match decoded {
@@ -150,6 +184,10 @@ fn run(job: &Job, options: &LoadOptions) -> Result<(Decoded, Vec<String>)> {
             let name = job.path.display().to_string();
             let image = image_file::read(&job.path, &name, options.max_image_bytes)?;
             Ok((Decoded::Image(image), Vec::new()))
+        }
+        Request::Unshown => {
+            let (name, pixels) = (job.path.display().to_string(), Pixels::U8(vec![128, 128, 128, 255]));
+            Ok((Decoded::Image(Image { width: 1, height: 1, channels: 4, pixels, name }), Vec::new()))
         }
         Request::Measured => {
             let (data, warnings) = measured::read(&job.path)?;

@@ -80,6 +80,7 @@ impl Scene {
                 lens: camera.needs_lens(),
                 camera_motion: camera_motion.is_some(),
                 file_sampler,
+                unread_images: desc.unread_images,
                 ..Plan::default()
             },
         };

@@ -83,6 +83,8 @@ pub struct Plan {
     pub accel_bytes: usize,
     /// Bytes of textures and of tables of materials.
     pub texture_bytes: usize,
+    /// Images that nothing shows, which were not read.
+    pub unread_images: usize,
     /// Bytes of their averages over footprints; 0 when none are kept.
     pub pyramid_bytes: usize,
     /// Name of the accelerator.
@@ -174,6 +176,7 @@ impl Plan {
                 bytes(self.saved_bytes)
             ),
         );
+        leave(self.unread_images > 0, format!("images: {} that nothing shows; not read", self.unread_images));
         leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
         leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
         leave(!self.dispersion, "dispersion: none; no path has a wavelength".into());
