@@ -214,14 +214,8 @@ impl<const MOVING: bool> WideTask for Closest<'_, MOVING> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let moved;
-                let node = if MOVING {
-                    let arena = &self.bvh.wide.arena;
-                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
-                    &moved
-                } else {
-                    self.bvh.wide.arena.node(current)
-                };
+                let mut moved = None;
+                let node = self.bvh.wide.node::<T, MOVING>(test, current, self.share, &mut moved);
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -232,14 +226,9 @@ impl<const MOVING: bool> WideTask for Closest<'_, MOVING> {
                     continue;
                 }
             } else {
-                let (moved, mask);
-                let block = if MOVING {
-                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
-                    &moved
-                } else {
-                    mask = current.triangle_mask();
-                    self.bvh.wide.arena.block(current)
-                };
+                let mut moved = None;
+                let moment = (self.ground.geometry, probe.time);
+                let (block, mask) = self.bvh.wide.block::<T, MOVING>(test, current, moment, &mut moved);
                 let met = test.triangles(&ray, probe, block, mask, nearest.limit);
                 if met.mask != 0 {
                     take_all(&mut nearest, block, &met);
@@ -315,14 +304,8 @@ impl<const MOVING: bool> WideTask for Occluded<'_, MOVING> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let moved;
-                let node = if MOVING {
-                    let arena = &self.bvh.wide.arena;
-                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
-                    &moved
-                } else {
-                    self.bvh.wide.arena.node(current)
-                };
+                let mut moved = None;
+                let node = self.bvh.wide.node::<T, MOVING>(test, current, self.share, &mut moved);
                 let (mask, _) = test.boxes(&ray, node, limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -333,14 +316,9 @@ impl<const MOVING: bool> WideTask for Occluded<'_, MOVING> {
                     continue;
                 }
             } else {
-                let (moved, mask);
-                let block = if MOVING {
-                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
-                    &moved
-                } else {
-                    mask = current.triangle_mask();
-                    self.bvh.wide.arena.block(current)
-                };
+                let mut moved = None;
+                let moment = (self.ground.geometry, probe.time);
+                let (block, mask) = self.bvh.wide.block::<T, MOVING>(test, current, moment, &mut moved);
                 if test.triangles(&ray, probe, block, mask, limit).mask != 0 {
                     return true;
                 }

@@ -12,7 +12,7 @@ use glam::DMat3;
 
 use super::extent::SLACK;
 use super::{Directional, Extent, LightSample, Point, Receiver, Spot};
-use crate::math::{DVec3, Motion, Vec3};
+use crate::math::{DVec3, Motion, Transform, Vec3};
 use crate::shape::Sweep;
 
 /// A light that moves. See the module.
@@ -107,6 +107,6 @@ impl Moving {
 
     pub(super) fn memory_bytes(&self) -> usize {
         let textures = if let Kind::Spot(light) = &self.kind { light.memory_bytes() } else { 0 };
-        textures + self.motion.times().count() * 400
+        textures + self.motion.times().count() * size_of::<Transform>()
     }
 }
