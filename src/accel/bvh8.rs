@@ -214,8 +214,14 @@ impl<const MOVING: bool> WideTask for Closest<'_, MOVING> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let mut moved = None;
-                let node = self.bvh.wide.node::<T, MOVING>(test, current, self.share, &mut moved);
+                let moved;
+                let node = if MOVING {
+                    let arena = &self.bvh.wide.arena;
+                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
+                    &moved
+                } else {
+                    self.bvh.wide.arena.node(current)
+                };
                 let (mask, near) = test.boxes(&ray, node, nearest.limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -226,9 +232,14 @@ impl<const MOVING: bool> WideTask for Closest<'_, MOVING> {
                     continue;
                 }
             } else {
-                let mut moved = None;
-                let moment = (self.ground.geometry, probe.time);
-                let (block, mask) = self.bvh.wide.block::<T, MOVING>(test, current, moment, &mut moved);
+                let (moved, mask);
+                let block = if MOVING {
+                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
+                    &moved
+                } else {
+                    mask = current.triangle_mask();
+                    self.bvh.wide.arena.block(current)
+                };
                 let met = test.triangles(&ray, probe, block, mask, nearest.limit);
                 if met.mask != 0 {
                     take_all(&mut nearest, block, &met);
@@ -304,8 +315,14 @@ impl<const MOVING: bool> WideTask for Occluded<'_, MOVING> {
         let mut stack = Stack::new(&mut slots);
         loop {
             if !current.is_leaf() {
-                let mut moved = None;
-                let node = self.bvh.wide.node::<T, MOVING>(test, current, self.share, &mut moved);
+                let moved;
+                let node = if MOVING {
+                    let arena = &self.bvh.wide.arena;
+                    moved = test.moved(arena.node(current), arena.swing(current), self.share);
+                    &moved
+                } else {
+                    self.bvh.wide.arena.node(current)
+                };
                 let (mask, _) = test.boxes(&ray, node, limit);
                 test.fetch(mask, node, &self.bvh.wide.arena);
                 if mask != 0 {
@@ -316,9 +333,14 @@ impl<const MOVING: bool> WideTask for Occluded<'_, MOVING> {
                     continue;
                 }
             } else {
-                let mut moved = None;
-                let moment = (self.ground.geometry, probe.time);
-                let (block, mask) = self.bvh.wide.block::<T, MOVING>(test, current, moment, &mut moved);
+                let (moved, mask);
+                let block = if MOVING {
+                    (moved, mask) = self.bvh.wide.block_at(test, self.ground.geometry, current, probe.time);
+                    &moved
+                } else {
+                    mask = current.triangle_mask();
+                    self.bvh.wide.arena.block(current)
+                };
                 if test.triangles(&ray, probe, block, mask, limit).mask != 0 {
                     return true;
                 }

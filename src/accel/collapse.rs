@@ -200,41 +200,10 @@ impl Wide {
         Link::block(at, triangles, triangles < count)
     }
 
-    /// The node of a link; if `MOVING`, as it is after a share of the slice, put into `moved`.
-    #[inline(always)]
-    pub fn node<'a, T: WideTest, const MOVING: bool>(
-        &'a self,
-        test: T,
-        link: Link,
-        share: f32,
-        moved: &'a mut Option<Node8>,
-    ) -> &'a Node8 {
-        let node = self.arena.node(link);
-        if MOVING { moved.insert(test.moved(node, self.arena.swing(link), share)) } else { node }
-    }
-
-    /// The block of a link, and one bit for each of its triangles; if `MOVING`, as they are at
-    /// a time, put into `moved`.
-    #[inline(always)]
-    pub fn block<'a, T: WideTest, const MOVING: bool>(
-        &'a self,
-        test: T,
-        link: Link,
-        (geometry, time): (&Geometry, f32),
-        moved: &'a mut Option<Block>,
-    ) -> (&'a Block, u32) {
-        if MOVING {
-            let (block, mask) = self.block_at(test, geometry, link, time);
-            (moved.insert(block), mask)
-        } else {
-            (self.arena.block(link), link.triangle_mask())
-        }
-    }
-
     /// A leaf of a tree whose boxes move: its triangles, still and deforming, as they are
     /// at a time of the slice, and one bit for each.
     #[inline(always)]
-    fn block_at<T: WideTest>(&self, test: T, geometry: &Geometry, link: Link, time: f32) -> (Block, u32) {
+    pub fn block_at<T: WideTest>(&self, test: T, geometry: &Geometry, link: Link, time: f32) -> (Block, u32) {
         let block = self.arena.block(link);
         let still = link.triangle_mask();
         if !link.has_analytic() {
