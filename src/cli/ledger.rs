@@ -44,6 +44,7 @@ pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
         crop,
         integrator,
         max_depth,
+        reuse,
         accel,
         texture_filter,
         bvh,
@@ -63,6 +64,7 @@ pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
     if let Some(depth) = max_depth {
         line.joined("--max-depth", &depth.to_string());
     }
+    line.maybe("--reuse", reuse.map(|n| n.to_string()).as_ref());
     line.maybe("--accel", accel.as_ref());
     line.maybe("--bvh", bvh.as_ref());
     if *texture_filter != TextureFilter::default() {

@@ -1,11 +1,12 @@
 //! Reads the `<integrator>` of a scene; names, parameters and defaults as in
 //! Mitsuba 3.9, and two of our own (`whitted`, `ao`). `volpath` is the same path
 //! tracer as `path`, which knows media as well, but for it surfaces where
-//! nothing happens (`null`) do not make a path longer.
+//! nothing happens (`null`) do not make a path longer. Both have a parameter of our own,
+//! `reuse`: the number of pixels that use each other's paths (1: none).
 
 use super::{AmbientOcclusion, Depth, Direct, Integrator, Path, Whitted};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
-use crate::film::LayerSet;
+use crate::film::{LayerSet, TILE_SIZE};
 use crate::math::Rgb;
 
 /// Scene-file names of all integrators.
@@ -18,6 +19,8 @@ pub struct IntegratorOptions {
     pub name: Option<String>,
     /// Another `max_depth` than the file's; −1 is no limit.
     pub max_depth: Option<i64>,
+    /// Pixels that use each other's paths, instead of the file's; 1 for none.
+    pub reuse: Option<u32>,
 }
 
 /// Deepest ray tree of `whitted`: its branches double with every level.
@@ -62,6 +65,18 @@ impl Integrator {
         }
         if let Some(depth) = options.max_depth {
             integrator.limit_depth(depth)?;
+        }
+        if let Some(pixels) = options.reuse {
+            match &mut integrator {
+                Integrator::Path(path) => path.reuse = pixels,
+                other => {
+                    return Err(Error::new(format!(
+                        "integrator `{}` has no paths to use again",
+                        other.name()
+                    ))
+                    .hint("--reuse goes with `path` or `volpath`"));
+                }
+            }
         }
         Ok(integrator)
     }
@@ -124,7 +139,11 @@ impl Integrator {
 }
 
 const DEFAULT_PATH: Path =
-    Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false, see_through: false };
+    Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false, see_through: false, reuse: 1 };
+
+/// Most pixels that use each other's paths: those of a tile.
+pub const MOST_REUSE: u32 = (TILE_SIZE * TILE_SIZE) as u32;
+
 const DEFAULT_WHITTED: Whitted = Whitted { max_depth: 8, ambient: None, cutoff: 1e-3, hide_emitters: false };
 
 /// Mitsuba's depth: −1 is no limit.
@@ -196,6 +215,14 @@ fn max_depth(params: &Params, default: i64) -> Result<u32> {
     })
 }
 
+/// Our own: pixels that use each other's paths.
+fn reuse(params: &Params) -> Result<u32> {
+    let pixels = params.int("reuse", 1)?;
+    u32::try_from(pixels).ok().filter(|n| (1..=MOST_REUSE).contains(n)).ok_or_else(|| {
+        params.error_at("reuse", format!("`reuse` must be from 1 to {MOST_REUSE} pixels, found {pixels}"))
+    })
+}
+
 fn read(params: &Params) -> Result<Integrator> {
     let hide_emitters = || params.bool("hide_emitters", false);
     Ok(match params.object().plugin.as_str() {
@@ -210,6 +237,7 @@ fn read(params: &Params) -> Result<Integrator> {
                 rr_depth: u32::try_from(rr_depth).unwrap_or(u32::MAX),
                 hide_emitters: hide_emitters()?,
                 see_through: name == "volpath",
+                reuse: reuse(params)?,
             })
         }
         "direct" => {

@@ -453,6 +453,7 @@ impl Candidate {
         let options = IntegratorOptions {
             name: configuration.get("integrator").map(str::to_owned),
             max_depth: configuration.get("max-depth").and_then(|d| d.parse().ok()),
+            reuse: configuration.get("reuse").and_then(|n| n.parse().ok()),
         };
         let integrator = Integrator::from_desc(&scene.desc, &options)?;
         let sequence = configuration.get("sampler").and_then(Sequence::named).unwrap_or(Sequence::Sobol);

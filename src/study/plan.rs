@@ -37,11 +37,12 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::desc::{Error, Pos, Result, nearest};
+use crate::integrator::MOST_REUSE;
 use crate::sampling::Sequence;
 use crate::texture::TextureFilter;
 
 /// What `vary` knows beside parameters of scene files.
-pub const KEYS: [&str; 6] = ["integrator", "sampler", "accel", "bvh", "max-depth", "texture-filter"];
+pub const KEYS: [&str; 7] = ["integrator", "sampler", "accel", "bvh", "max-depth", "reuse", "texture-filter"];
 
 /// Rungs below the largest of a ladder of seconds.
 const TIME_RUNGS: u32 = 6;
@@ -391,6 +392,13 @@ impl Plan {
                 && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())
             {
                 return Err(Error::new(format!("vary `max-depth`: `{bad}` is no whole number")));
+            }
+            if key == "reuse"
+                && let Some(bad) =
+                    values.iter().find(|v| !v.parse::<u32>().is_ok_and(|n| (1..=MOST_REUSE).contains(&n)))
+            {
+                let message = format!("vary `reuse`: `{bad}` is no number of pixels from 1 to {MOST_REUSE}");
+                return Err(Error::new(message));
             }
             if all.len().saturating_mul(values.len()) > MOST_RUNS {
                 return Err(Error::new(format!(
