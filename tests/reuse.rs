@@ -4,15 +4,17 @@
 //! seeds on both sides, and with Mitsuba's references. A false alarm of the blocks of one scene has a
 //! chance of 1 % at most (Student's t, Bonferroni); seeds are fixed.
 
+#![allow(clippy::print_stdout, reason = "the report of a test is what it prints")]
+
 #[path = "common/reference.rs"]
 mod reference;
 #[path = "common/render.rs"]
 mod render;
 
-use etendue::film::{LayerSet, Picture};
+use etendue::film::{Film, LayerSet, Picture};
 use etendue::integrator::Integrator;
 use etendue::load::{LoadOptions, load};
-use etendue::render::{Draw, Quiet, TileOrder, replay};
+use etendue::render::{Draw, Pilot, Quiet, TileOrder, replay};
 use etendue::scene::{BuildOptions, Scene};
 use etendue::study::{Failure, Verdict};
 use reference::Reference;
@@ -238,6 +240,24 @@ fn a_sample_can_be_shown_again() {
         shared += u32::from(again.shared.is_some_and(|s| s.max_element() > 0.0));
     }
     assert!(shared > 100, "{shared}");
+}
+
+/// Indirect light decides for sharing; light of the surroundings, and renders too small to try, against it.
+#[test]
+fn a_trial_decides() {
+    let decide = |scene: &str, samples: u64| -> Option<Pilot> {
+        let Ready { scene, integrator } = file(scene, 64);
+        let Integrator::Path(path) = integrator else { panic!("not a path tracer") };
+        let film = Film::new(scene.film.clone(), LayerSet::default(), 1.0);
+        Pilot::run(&scene, &path, &film, samples, (0, options(1, 0).sequence))
+    };
+    let room = decide("scenes/cornell-box/scene.xml", 1 << 20).expect("a trial");
+    println!("{room:?}");
+    assert!(room.pixels() == 16 && room.gain > 3.0 && (1.3..2.5).contains(&room.work), "{room:?}");
+    let outside = decide("scenes/teapot-env/scene.xml", 1 << 20).expect("a trial");
+    println!("{outside:?}");
+    assert!(outside.pixels() == 1 && outside.gain < 1.4, "{outside:?}");
+    assert_eq!(decide("scenes/cornell-box/scene.xml", 16), None);
 }
 
 #[test]

@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::desc::Error;
 use crate::film::LayerSet;
-use crate::integrator::{IntegratorOptions, MOST_REUSE};
+use crate::integrator::{IntegratorOptions, MOST_REUSE, reuse_named};
 use crate::load::LoadOptions;
 use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
@@ -63,8 +63,10 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
     /// Pixels that use each other's paths (2 to 256; 1 for none): less noise of indirect light for a shadow
-    /// ray per pixel more. For path and volpath, where nothing moves and nothing is seen through.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_REUSE)))]
+    /// ray per pixel more. With auto, what render does unless
+    /// told, a few tiles are tried first, and 16 pixels do if that is more efficient. For path and
+    /// volpath, where nothing moves and nothing is seen through.
+    #[arg(long, value_name = "N|auto", value_parser = parse_reuse)]
     pub reuse: Option<u32>,
     /// Accelerator: bvh8, bvh2, brute, or embree where the program was built with that feature.
     #[arg(long, value_name = "NAME")]
@@ -94,7 +96,12 @@ impl SceneArgs {
     }
 
     pub fn integrator_options(&self) -> IntegratorOptions {
-        IntegratorOptions { name: self.integrator.clone(), max_depth: self.max_depth, reuse: self.reuse }
+        IntegratorOptions {
+            name: self.integrator.clone(),
+            max_depth: self.max_depth,
+            reuse: self.reuse,
+            reuse_unsaid: None,
+        }
     }
 }
 
@@ -594,6 +601,10 @@ fn parse_growth(text: &str) -> Result<(u32, u32), String> {
 fn parse_sequence(text: &str) -> Result<Sequence, String> {
     let names = || Sequence::ALL.map(Sequence::name).join(", ");
     Sequence::named(text).ok_or_else(|| format!("there are {}", names()))
+}
+
+fn parse_reuse(text: &str) -> Result<u32, String> {
+    reuse_named(text).ok_or_else(|| format!("a number of pixels from 1 to {MOST_REUSE}, or auto"))
 }
 
 fn parse_filter(text: &str) -> Result<TextureFilter, String> {

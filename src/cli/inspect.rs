@@ -6,7 +6,7 @@ use super::args::{ExplainArgs, ReplayArgs};
 use super::{build_scene, load_scene};
 use crate::desc::{Error, Result};
 use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
-use crate::integrator::Event;
+use crate::integrator::{AUTO_REUSE, Event};
 use crate::math::{Rgb, Vec3};
 use crate::render::{Cause, Draw, replay as replay_path};
 use crate::sampling::replica_of;
@@ -63,6 +63,10 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
         return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
     }
     let (seed, within) = replica_of(args.seed, args.replicas.unwrap_or(0), args.sample);
+    if integrator.reuse() == AUTO_REUSE {
+        return Err(Error::new("whether pixels use each other's paths was decided by the render")
+            .hint("--reuse with the number that it told, or 1"));
+    }
     if let Some(what) = integrator.reuse_obstacle(&scene) {
         return Err(Error::new(format!("paths cannot be used by several pixels where {what}")));
     }

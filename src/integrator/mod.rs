@@ -13,7 +13,7 @@ mod reuse;
 mod whitted;
 
 pub use ambient::{AmbientOcclusion, Depth};
-pub use build::{IntegratorOptions, MOST_REUSE, NAMES};
+pub use build::{AUTO_REUSE, IntegratorOptions, MOST_REUSE, NAMES, reuse_named};
 pub use direct::Direct;
 pub use path::Path;
 pub use record::{Counters, Event, NoRecord, Record, Vertex};
@@ -69,7 +69,7 @@ impl Integrator {
         }
     }
 
-    /// Pixels in a group that uses each other's paths; 1 for none.
+    /// Pixels in a group that uses each other's paths; 1 for none, [`AUTO_REUSE`] to be decided.
     #[must_use]
     pub fn reuse(&self) -> u32 {
         match self {
@@ -81,7 +81,7 @@ impl Integrator {
     /// Why pixels cannot use each other's paths in this scene, if they are to.
     #[must_use]
     pub fn reuse_obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        let Integrator::Path(path @ Path { reuse: 2.., .. }) = self else { return None };
+        let Integrator::Path(path @ Path { reuse: AUTO_REUSE | 2.., .. }) = self else { return None };
         if scene.plan.motion {
             // They are at different times.
             return Some("something moves while the shutter is open");

@@ -41,7 +41,8 @@ pub struct Path {
     /// Surfaces that let light straight through are not there: they neither end
     /// shadow rays nor make a path longer. Media are.
     pub see_through: bool,
-    /// Pixels in a group that uses each other's paths ([`super::reuse`]); 1 for none.
+    /// Pixels in a group that uses each other's paths ([`super::reuse`]); 1 for none,
+    /// [`super::AUTO_REUSE`] for what a trial finds better.
     pub reuse: u32,
 }
 

@@ -319,9 +319,9 @@ struct Link {
     member: usize,
     /// Direction from the first to the second.
     wi: Vec3,
-    /// β·f·G.
+    /// β·f·G over the density of the second vertex.
     share: Rgb,
-    /// p·G.
+    /// p·G, its part in that density: all of them sum to 1.
     density: f32,
 }
 
@@ -354,7 +354,8 @@ pub fn exchange<'s>(
                     (first.beta * f, pdf)
                 }
             };
-            if !(pdf > 0.0) {
+            // A path of which nothing is left ends, and lends nothing.
+            if !(pdf > 0.0 && f.max_element() > 0.0) {
                 continue;
             }
             if member != owner {
@@ -370,14 +371,20 @@ pub fn exchange<'s>(
         // Else rounding has turned the direction away from where it was sampled.
         let usable = density > 0.0 && density.is_finite();
         let Some(second) = all[owner].second.take() else { continue };
+        if usable {
+            for link in &mut room.0 {
+                link.share /= density;
+                link.density /= density;
+            }
+        }
         match &second.parts {
             None if usable => {
                 for link in &room.0 {
-                    all[link.member].sample.rgb += link.share * second.radiance / density;
+                    all[link.member].sample.rgb += link.share * second.radiance;
                 }
             }
             None => all[owner].sample.rgb += second.beta * second.radiance,
-            Some(parts) if usable => parts.share(all, owner, (&room.0, density), second.beta),
+            Some(parts) if usable => parts.share(all, owner, &room.0, second.beta),
             Some(Parts { own, onward, .. }) => {
                 let onward = onward.as_ref().map_or(Rgb::ZERO, Onward::own);
                 all[owner].sample.rgb += second.beta * (*own + onward);
@@ -387,32 +394,33 @@ pub fn exchange<'s>(
 }
 
 impl Parts {
-    /// Adds to the pixels of all links what a second vertex reflects towards them; `density` is
-    /// that of the vertex, `beta` the throughput of the pixel that found it.
-    fn share(&self, all: &mut [Lender], owner: usize, (links, density): (&[Link], f32), beta: Rgb) {
+    /// Adds to the pixels of all links what a second vertex reflects towards them; `beta` is the
+    /// throughput of the pixel that found it.
+    fn share(&self, all: &mut [Lender], owner: usize, links: &[Link], beta: Rgb) {
         let scatter = std::mem::take(&mut all[owner].scatter[1]);
         let seen = |wi: Vec3| -> (SmallVec<[Rgb; 32]>, f32) {
             let mut sum = 0.0;
             let f = links.iter().map(|link| {
                 let (f, pdf) = scatter.eval_pdf(-link.wi, wi);
-                sum += link.density * pdf;
+                if f.max_element() > 0.0 {
+                    sum += link.density * pdf;
+                }
                 f
             });
             (f.collect(), sum)
         };
         for light in &self.lights {
             let (f, by_bsdf) = seen(light.wi);
-            let by_light = density * light.pdf;
-            let mis = if light.delta { 1.0 } else { power_heuristic(by_light, by_bsdf) };
+            let mis = if light.delta { 1.0 } else { power_heuristic(light.pdf, by_bsdf) };
             for (link, f) in links.iter().zip(f) {
-                all[link.member].sample.rgb += link.share * f * light.radiance * (mis / by_light);
+                all[link.member].sample.rgb += link.share * f * light.radiance * (mis / light.pdf);
             }
         }
         if let Some(onward) = &self.onward {
             let (f, by_bsdf) = seen(onward.wi);
             if by_bsdf > 0.0 && by_bsdf.is_finite() {
                 let (le, _, light) = onward.emitted;
-                let mis = power_heuristic(by_bsdf, density * light);
+                let mis = power_heuristic(by_bsdf, light);
                 let radiance = (le * mis + onward.reflected) * (onward.factor / by_bsdf);
                 for (link, f) in links.iter().zip(f) {
                     all[link.member].sample.rgb += link.share * f * radiance;

@@ -12,11 +12,13 @@ mod bad;
 mod block;
 mod memory;
 mod pass;
+mod pilot;
 mod replay;
 mod stats;
 
 pub use bad::{BadSample, BadSamples, Cause};
 pub use block::Draw;
+pub use pilot::Pilot;
 pub use replay::{Replay, replay};
 pub use stats::{RenderStats, peak_memory_bytes};
 
@@ -24,13 +26,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cpu_time::ThreadTime;
+use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;
 
 use self::block::Block;
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, LayerSet, MAX_REPLICAS, PixelSample, Rect, RelativeError, Tile};
-use crate::integrator::{CameraSample, Counters, Integrator, NoRecord, Path};
+use crate::integrator::{AUTO_REUSE, CameraSample, Counters, Integrator, NoRecord, Path};
 use crate::math::Vec2;
 use crate::sampling::{Sampler, Sequence, replica_of};
 use crate::scene::Scene;
@@ -169,7 +171,9 @@ pub fn render(
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
-    if let Some(what) = integrator.reuse_obstacle(scene) {
+    if integrator.reuse() != AUTO_REUSE
+        && let Some(what) = integrator.reuse_obstacle(scene)
+    {
         return Err(Error::new(format!("paths cannot be used by several pixels where {what}"))
             .hint("leave out `reuse`"));
     }
@@ -178,7 +182,35 @@ pub fn render(
         .num_threads(options.threads)
         .build()
         .map_err(|e| Error::new(format!("cannot start {} threads: {e}", options.threads)))?;
-    pool.install(|| Job::new(scene, integrator, options, monitor).run())
+    pool.install(|| {
+        let clock = (Instant::now(), ProcessTime::now());
+        let (integrator, pilot) = decide(scene, integrator, options);
+        let spent = pilot.map(|_| (clock.0.elapsed().as_secs_f64(), clock.1.elapsed().as_secs_f64()));
+        let mut options = options.clone();
+        options.time = options.time.map(|limit| limit.saturating_sub(clock.0.elapsed()));
+        let mut rendered = Job::new(scene, &integrator, &options, monitor).run()?;
+        rendered.stats.pilot = pilot;
+        if let Some((wall, cpu)) = spent {
+            rendered.stats.wall_seconds += wall;
+            rendered.stats.cpu_seconds += cpu;
+        }
+        Ok(rendered)
+    })
+}
+
+/// The integrator, with the number of pixels that use each other's paths decided.
+fn decide(scene: &Scene, integrator: &Integrator, options: &RenderOptions) -> (Integrator, Option<Pilot>) {
+    let Integrator::Path(path @ Path { reuse: AUTO_REUSE, .. }) = integrator else {
+        return (integrator.clone(), None);
+    };
+    let alone = Path { reuse: 1, ..*path };
+    if integrator.reuse_obstacle(scene).is_some() {
+        return (Integrator::Path(alone), None);
+    }
+    let film = Film::new(scene.film.clone(), LayerSet::default(), 1.0);
+    let pilot = Pilot::run(scene, &alone, &film, options.samples_per_pixel, (options.seed, options.sequence));
+    let reuse = pilot.map_or(1, |pilot| pilot.pixels());
+    (Integrator::Path(Path { reuse, ..alone }), pilot)
 }
 
 struct Job<'a> {
@@ -280,6 +312,8 @@ impl<'a> Job<'a> {
             effective_pixels: relative.effective_pixels,
             film_bytes: self.film.memory_bytes(),
             stopped,
+            reuse: self.integrator.reuse(),
+            pilot: None,
         };
         Ok(Rendered { film: self.film, stats })
     }

@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::desc::{Error, Pos, Result, nearest};
-use crate::integrator::MOST_REUSE;
+use crate::integrator::{MOST_REUSE, reuse_named};
 use crate::sampling::Sequence;
 use crate::texture::TextureFilter;
 
@@ -394,10 +394,11 @@ impl Plan {
                 return Err(Error::new(format!("vary `max-depth`: `{bad}` is no whole number")));
             }
             if key == "reuse"
-                && let Some(bad) =
-                    values.iter().find(|v| !v.parse::<u32>().is_ok_and(|n| (1..=MOST_REUSE).contains(&n)))
+                && let Some(bad) = values.iter().find(|v| reuse_named(v).is_none())
             {
-                let message = format!("vary `reuse`: `{bad}` is no number of pixels from 1 to {MOST_REUSE}");
+                let message = format!(
+                    "vary `reuse`: `{bad}` is neither a number of pixels from 1 to {MOST_REUSE} nor auto"
+                );
                 return Err(Error::new(message));
             }
             if all.len().saturating_mul(values.len()) > MOST_RUNS {
