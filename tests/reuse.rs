@@ -188,41 +188,35 @@ fn other_materials_do_not_suffer() {
 /// 2e-5 with the 15 degrees of freedom that there are at least.
 #[test]
 fn pictures_are_those_of_mitsuba() {
-    for name in ["cornell-box"] {
-        let reference = Reference::read(name);
-        let ready = reusing(reference.scene(|_| {}), 16, None);
-        let mut seen = Vec::new();
-        let ours = reference.batches(1 << 14, |samples, seed| {
-            let picture = ready.picture(samples, seed);
-            seen.push((samples, blocks(&picture)));
-            rgb(&picture)
-        });
-        let overlap = reference::overlap(&ready.scene.film.filter);
-        let report = reference.test(&ours, overlap);
-        println!(
-            "{name}: {} × {} spp, ±{:.4} %: {report}",
-            ours.batches,
-            ours.samples,
-            100.0 * ours.mean_error
-        );
-        let within = match &report.verdict {
-            Verdict::Pass => true,
-            Verdict::Fail(why) => why.as_slice() == [Failure::Blocks],
-            Verdict::Inconclusive => false,
-        };
-        assert!(within, "{name}: {report}\n  pictures in {}", reference.dump(&ours).display());
-        let last: Vec<_> = seen.into_iter().filter(|(n, _)| *n == ours.samples).map(|(_, b)| b).collect();
-        assert_eq!(last.len() as u64, ours.batches);
-        let in_blocks = |values: &[f32]| block_means(values, reference.width, reference.height);
-        // Of a mean of 64 pixels.
-        let shared = overlap / (BLOCK * BLOCK) as f64;
-        let theirs = in_blocks(&reference.mean).into_iter().zip(in_blocks(&reference.variance));
-        for (i, ((mean, variance), (their_mean, their_variance))) in
-            moments(&last).into_iter().zip(theirs).enumerate()
-        {
-            let t = (mean - their_mean) / (variance + shared * their_variance).sqrt();
-            assert!(t.abs() < 6.2, "{name}, block {}, channel {}: t {t}", i / 3, i % 3);
-        }
+    let name = "cornell-box";
+    let reference = Reference::read(name);
+    let ready = reusing(reference.scene(|_| {}), 16, None);
+    let mut seen = Vec::new();
+    let ours = reference.batches(1 << 14, |samples, seed| {
+        let picture = ready.picture(samples, seed);
+        seen.push((samples, blocks(&picture)));
+        rgb(&picture)
+    });
+    let overlap = reference::overlap(&ready.scene.film.filter);
+    let report = reference.test(&ours, overlap);
+    println!("{name}: {} × {} spp, ±{:.4} %: {report}", ours.batches, ours.samples, 100.0 * ours.mean_error);
+    let within = match &report.verdict {
+        Verdict::Pass => true,
+        Verdict::Fail(why) => why.as_slice() == [Failure::Blocks],
+        Verdict::Inconclusive => false,
+    };
+    assert!(within, "{name}: {report}\n  pictures in {}", reference.dump(&ours).display());
+    let last: Vec<_> = seen.into_iter().filter(|(n, _)| *n == ours.samples).map(|(_, b)| b).collect();
+    assert_eq!(last.len() as u64, ours.batches);
+    let in_blocks = |values: &[f32]| block_means(values, reference.width, reference.height);
+    // Of a mean of 64 pixels.
+    let shared = overlap / (BLOCK * BLOCK) as f64;
+    let theirs = in_blocks(&reference.mean).into_iter().zip(in_blocks(&reference.variance));
+    for (i, ((mean, variance), (their_mean, their_variance))) in
+        moments(&last).into_iter().zip(theirs).enumerate()
+    {
+        let t = (mean - their_mean) / (variance + shared * their_variance).sqrt();
+        assert!(t.abs() < 6.2, "{name}, block {}, channel {}: t {t}", i / 3, i % 3);
     }
 }
 
