@@ -178,7 +178,7 @@ fn the_line_is_complete() {
     std::fs::write(&file, xml.replace("3e38", "1")).expect("written");
     let all = "-D glow=3.1e38 -D depth=7 --size 20x15 --crop 4,3,9,10 --integrator path --max-depth 5 \
                --accel bvh8 --bvh fast --camera 0 --frame 2 --fps 30 --shutter=-0.25,0.5 --lenient \
-               --seed 1234567890123 --sampler lattice --replicas 5";
+               --seed 1234567890123 --sampler lattice --replicas 5 --reuse 4";
     let name = r"'it'\''s $HOME.xml'";
     let output = shell(folder.path(), &format!("etendue render {name} -o a.exr --spp 40 --aov bad {all}"));
     let said = text(&output.stderr);

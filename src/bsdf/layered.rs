@@ -241,6 +241,11 @@ impl<'a> Layered<'a> {
             && (clearcoat == 0.0 || self.coat.is_delta())
     }
 
+    /// Light goes through, other than as if nothing were there.
+    pub(super) fn transmits(&self) -> bool {
+        self.layers.transmission > 0.0 || self.layers.diffuse_transmission > 0.0
+    }
+
     pub(super) fn is_one_sided(&self) -> bool {
         !self.two_sided && self.solid.is_none()
     }

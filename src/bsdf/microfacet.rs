@@ -75,6 +75,12 @@ impl Microfacet {
         self.alpha.max_element() < ALPHA_MIN
     }
 
+    /// D is above zero for every normal, in floats too.
+    #[must_use]
+    pub fn has_long_tails(&self) -> bool {
+        self.kind == Distribution::Ggx
+    }
+
     /// D(m) per solid angle for the unit normal `m`; 0 for m.z ≤ 0. Not for
     /// [`Microfacet::is_delta`].
     #[must_use]

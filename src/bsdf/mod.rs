@@ -256,6 +256,26 @@ impl Bsdf<'_> {
         }
     }
 
+    /// True when its lobes with a density send light from each direction of a side to each other
+    /// one of it, and none through.
+    #[must_use]
+    pub fn reflects_everywhere(&self) -> bool {
+        match self {
+            Bsdf::Diffuse(_) | Bsdf::Conductor(_) | Bsdf::Plastic(_) | Bsdf::MetalRough(_) => true,
+            Bsdf::RoughConductor(kind) => kind.distribution.has_long_tails(),
+            Bsdf::RoughPlastic(kind) => kind.diffuse_reflectance.min_element() > 0.0,
+            Bsdf::Layered(kind) => !kind.transmits(),
+            Bsdf::Principled(kind) => !kind.transmits(),
+            // Of the tables of a measured one nobody knows.
+            Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::RoughDielectric(_)
+            | Bsdf::PrincipledThin(_)
+            | Bsdf::Measured(_)
+            | Bsdf::Null(_) => false,
+        }
+    }
+
     /// Fraction of light that is scattered, all directions together and
     /// without radiance scaling: an estimate for the albedo layer, exact for
     /// smooth kinds.

@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::desc::Error;
 use crate::film::LayerSet;
-use crate::integrator::IntegratorOptions;
+use crate::integrator::{IntegratorOptions, MOST_REUSE, reuse_named};
 use crate::load::LoadOptions;
 use crate::sampling::Sequence;
 use crate::scene::BuildOptions;
@@ -62,6 +62,12 @@ pub struct SceneArgs {
     /// Longest path instead of the file's: 1 sees lights only, 2 adds direct light, -1 has no limit.
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
+    /// Pixels that use each other's paths (2 to 256; 1 for none): less noise of indirect light for a shadow
+    /// ray per pixel more. With auto, what render does unless
+    /// told, a few tiles are tried first, and 16 pixels do if that is more efficient. For path and
+    /// volpath, where nothing moves and nothing is seen through.
+    #[arg(long, value_name = "N|auto", value_parser = parse_reuse)]
+    pub reuse: Option<u32>,
     /// Accelerator: bvh8, bvh2, brute, or embree where the program was built with that feature.
     #[arg(long, value_name = "NAME")]
     pub accel: Option<String>,
@@ -90,7 +96,12 @@ impl SceneArgs {
     }
 
     pub fn integrator_options(&self) -> IntegratorOptions {
-        IntegratorOptions { name: self.integrator.clone(), max_depth: self.max_depth }
+        IntegratorOptions {
+            name: self.integrator.clone(),
+            max_depth: self.max_depth,
+            reuse: self.reuse,
+            reuse_unsaid: None,
+        }
     }
 }
 
@@ -330,7 +341,7 @@ pub struct StudyArgs {
     /// Variance of the reference's pixel means; its own error layer is used when it has one.
     #[arg(long, value_name = "V.exr")]
     pub ref_variance: Option<PathBuf>,
-    /// Try these values: KEY=A,B of integrator, sampler, accel, bvh, max-depth, texture-filter, or a `$name` of the scene
+    /// Try these values: KEY=A,B of integrator, sampler, accel, bvh, max-depth, reuse, texture-filter, or a `$name` of the scene
     /// file. Every combination is a configuration. Repeatable.
     #[arg(long, value_name = "KEY=A,B", value_parser = parse_define)]
     pub vary: Vec<(String, String)>,
@@ -590,6 +601,10 @@ fn parse_growth(text: &str) -> Result<(u32, u32), String> {
 fn parse_sequence(text: &str) -> Result<Sequence, String> {
     let names = || Sequence::ALL.map(Sequence::name).join(", ");
     Sequence::named(text).ok_or_else(|| format!("there are {}", names()))
+}
+
+fn parse_reuse(text: &str) -> Result<u32, String> {
+    reuse_named(text).ok_or_else(|| format!("a number of pixels from 1 to {MOST_REUSE}, or auto"))
 }
 
 fn parse_filter(text: &str) -> Result<TextureFilter, String> {

@@ -6,10 +6,10 @@ use super::args::{ExplainArgs, ReplayArgs};
 use super::{build_scene, load_scene};
 use crate::desc::{Error, Result};
 use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
-use crate::integrator::Event;
+use crate::integrator::{AUTO_REUSE, Event};
 use crate::math::{Rgb, Vec3};
-use crate::render::{Cause, replay as replay_path};
-use crate::sampling::{Sampler, replica_of};
+use crate::render::{Cause, Draw, replay as replay_path};
+use crate::sampling::replica_of;
 use crate::scene::Scene;
 
 /// Prints the plan of a scene.
@@ -63,8 +63,15 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
         return Err(Error::new(format!("pixel {x},{y} is outside the film of {width} × {height}")));
     }
     let (seed, within) = replica_of(args.seed, args.replicas.unwrap_or(0), args.sample);
-    let sampler = Sampler::new(seed, args.pixel, within).with_sequence(args.sampler);
-    let path = replay_path(&scene, &integrator, args.pixel, sampler);
+    if integrator.reuse() == AUTO_REUSE {
+        return Err(Error::new("whether pixels use each other's paths was decided by the render")
+            .hint("--reuse with the number that it told, or 1"));
+    }
+    if let Some(what) = integrator.reuse_obstacle(&scene) {
+        return Err(Error::new(format!("paths cannot be used by several pixels where {what}")));
+    }
+    let draw = Draw { seed, index: within, sequence: args.sampler, layers: true };
+    let path = replay_path(&scene, &integrator, args.pixel, &draw);
     let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();
     outln!(
         "pixel {x},{y} sample {} seed {}: film position {:.6}, {:.6}",
@@ -87,7 +94,7 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
             ),
             Event::Left { direction } => outln!("left the scene along {}", show(*direction)),
             Event::Hit { le, mis } => outln!("  hit light: Le {} mis {mis:.6}", show(*le)),
-            Event::Light { wi, pdf, f, mis, contribution, occluded } => outln!(
+            Event::Light { wi, pdf, f, mis, contribution, occluded, .. } => outln!(
                 "  sampled light: wi {} pdf {pdf:.6e} f·cos {} mis {mis:.6} {} adds {}",
                 show(*wi),
                 show(*f),
@@ -108,6 +115,12 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
                 );
             }
         }
+    }
+    if let Some(shared) = path.shared {
+        outln!(
+            "what is found after the second vertex is shared; by all who share, the pixel gets {}",
+            show_rgb(shared)
+        );
     }
     show_layers(&path.sample);
     outln!("radiance {}", show_rgb(path.sample.rgb));

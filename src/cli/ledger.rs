@@ -4,12 +4,13 @@
 use std::ffi::OsStr;
 
 use super::args::{RenderArgs, SceneArgs, StageArgs};
-use crate::render::{BadSample, BadSamples};
+use crate::render::{BadSample, BadSamples, RenderStats};
 use crate::sampling::Sequence;
 use crate::texture::TextureFilter;
 
 /// Says what was left out, and how to look at it.
-pub fn tell(args: &RenderArgs, bad: &BadSamples) {
+pub fn tell(args: &RenderArgs, stats: &RenderStats) {
+    let bad = &stats.bad;
     if bad.total() == 0 {
         return;
     }
@@ -18,7 +19,7 @@ pub fn tell(args: &RenderArgs, bad: &BadSamples) {
         say!("  the first {} of them, and how to look at their paths:", bad.first.len());
     }
     for (place, sample) in bad.places().iter().zip(&bad.first) {
-        say!("  {place}: {}", replay_command(args, sample));
+        say!("  {place}: {}", replay_command(args, sample, stats.reuse));
     }
 }
 
@@ -33,7 +34,8 @@ pub fn attributes(bad: &BadSamples) -> Vec<(String, String)> {
 
 /// The command for a shell that shows the path of a sample of this render:
 /// with every option that decides it.
-pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
+/// `reuse` is what was decided of it.
+pub fn replay_command(args: &RenderArgs, bad: &BadSample, reuse: u32) -> String {
     let mut line = Line::default();
     // Exhaustive, so that a new option is not forgotten.
     let SceneArgs {
@@ -44,6 +46,7 @@ pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
         crop,
         integrator,
         max_depth,
+        reuse: _,
         accel,
         texture_filter,
         bvh,
@@ -62,6 +65,9 @@ pub fn replay_command(args: &RenderArgs, bad: &BadSample) -> String {
     line.maybe("--integrator", integrator.as_ref());
     if let Some(depth) = max_depth {
         line.joined("--max-depth", &depth.to_string());
+    }
+    if reuse > 1 {
+        line.option("--reuse", &reuse.to_string());
     }
     line.maybe("--accel", accel.as_ref());
     line.maybe("--bvh", bvh.as_ref());
@@ -170,10 +176,13 @@ mod tests {
     #[test]
     fn short_where_nothing_was_asked_for() {
         let args = render_args(&["a b/it's.xml", "-o", "x.exr"]);
-        assert_eq!(replay_command(&args, &BAD), r"etendue replay --sample 77 --seed 0 'a b/it'\''s.xml' 3,4");
+        assert_eq!(
+            replay_command(&args, &BAD, 1),
+            r"etendue replay --sample 77 --seed 0 'a b/it'\''s.xml' 3,4"
+        );
         let border = BadSample { pixel: (-2, -1), ..BAD };
         let args = render_args(&["-o", "x.exr", "--", "-x.xml"]);
-        assert_eq!(replay_command(&args, &border), "etendue replay --sample 77 --seed 0 -- -x.xml -2,-1");
+        assert_eq!(replay_command(&args, &border, 1), "etendue replay --sample 77 --seed 0 -- -x.xml -2,-1");
     }
 
     /// What the command is read as, against what was rendered.
@@ -217,12 +226,14 @@ mod tests {
             "18446744073709551615",
             "--sampler",
             "lattice",
+            "--reuse",
+            "8",
             "--replicas",
             "16",
         ];
         let words: Vec<&str> = words.iter().map(|w| if *w == "-v" { "v -" } else { w }).collect();
         let args = render_args(&words);
-        let line = replay_command(&args, &BAD);
+        let line = replay_command(&args, &BAD, 8);
         let Ok(Etendue { command: Command::Replay(back) }) = Etendue::try_parse_from(split(&line)) else {
             panic!("{line} cannot be read")
         };

@@ -46,7 +46,7 @@ use std::sync::OnceLock;
 use clap::Parser;
 
 use crate::desc::{Error, Result, SceneDesc};
-use crate::integrator::Integrator;
+use crate::integrator::{Integrator, IntegratorOptions};
 use crate::scene::Scene;
 use args::{Command, Etendue, SceneArgs};
 
@@ -105,8 +105,16 @@ fn load_scene(args: &SceneArgs) -> Result<SceneDesc> {
 
 /// Builds what was loaded, and prints what was replaced on the way.
 fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)> {
+    build_with(args, desc, &args.integrator_options())
+}
+
+fn build_with(
+    args: &SceneArgs,
+    desc: &SceneDesc,
+    options: &IntegratorOptions,
+) -> Result<(Scene, Integrator)> {
     let scene = Scene::build(desc, &args.build_options());
-    let integrator = Integrator::from_desc(desc, &args.integrator_options());
+    let integrator = Integrator::from_desc(desc, options);
     warn(&desc.new_replacements());
     let scene = scene?;
     if let Some(text) = scene.plan.unsampled() {

@@ -6,11 +6,11 @@ use std::time::{Duration, Instant};
 
 use super::args::{Curve, RenderArgs};
 use super::progress::{Progress, interrupted};
-use super::{build_scene, load_scene, warn};
+use super::{build_with, load_scene, warn};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
-use crate::integrator::Integrator;
-use crate::render::{RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
+use crate::integrator::{AUTO_REUSE, Integrator, IntegratorOptions};
+use crate::render::{Pilot, RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
 use crate::save::{self, Header, Options, Tone};
 use crate::scene::Scene;
 
@@ -76,7 +76,8 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
     let load = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let (scene, integrator) = build_scene(&args.scene, &desc)?;
+    let how = IntegratorOptions { reuse_unsaid: Some(AUTO_REUSE), ..args.scene.integrator_options() };
+    let (scene, integrator) = build_with(&args.scene, &desc, &how)?;
     let (file_layers, renamed) = Integrator::layers_from_desc(&desc)?;
     warn(&renamed);
     let build = clock.elapsed().as_secs_f64();
@@ -104,6 +105,12 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let progress = Progress::new(args.quiet, options.time, open_ended);
     let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
     progress.finish();
+    if let Some(Pilot { gain, work }) = stats.pilot.filter(|_| !args.quiet) {
+        let how = if stats.reuse > 1 { "use" } else { "do not use" };
+        say!(
+            "pixels {how} each other's paths: {gain:.1} times less noise for {work:.1} times the work, by a trial"
+        );
+    }
     let mut header = header(&scene, &integrator, &stats, &options, &origin);
     header.attributes.extend(args.scene.stage.time().map(|time| ("etendue/time".to_owned(), time)));
     let picture = film.resolve();
@@ -268,6 +275,9 @@ fn header(
     if !origin.replaced.is_empty() {
         header.attributes.push(text("replaced", origin.replaced.join("\n")));
     }
+    if stats.reuse > 1 {
+        header.attributes.push(text("reuse", format!("{} pixels use each other's paths", stats.reuse)));
+    }
     if options.replicas > 0 {
         header.attributes.push(text("replicas", options.replicas.to_string()));
     }
@@ -299,7 +309,7 @@ fn summarise(args: &RenderArgs, stats: &RenderStats) -> ExitCode {
             stats.samples_per_pixel
         );
     }
-    super::ledger::tell(args, &stats.bad);
+    super::ledger::tell(args, stats);
     if args.strict && stats.bad.total() > 0 { ExitCode::FAILURE } else { ExitCode::SUCCESS }
 }
 

@@ -69,7 +69,8 @@ impl Rect {
     }
 
     /// Row-major index of a pixel of this rectangle.
-    pub(super) fn index(&self, (x, y): (i32, i32)) -> usize {
+    #[must_use]
+    pub fn index(&self, (x, y): (i32, i32)) -> usize {
         debug_assert!(self.contains((x, y)), "pixel ({x}, {y}) outside {self:?}");
         (y - self.min.1) as usize * self.width() + (x - self.min.0) as usize
     }

@@ -19,7 +19,8 @@
 //! dark pixels rule the error: there up to a factor of two too small.
 //!
 //! The terms of pixels are independent but for the filter's overlap, which makes
-//! w = Σ ρ² of them share their noise (ρ the correlation of neighbours). With d
+//! w = Σ ρ² of them share their noise (ρ the correlation of neighbours); where pixels use
+//! each other's paths w is as many times larger as a group has pixels, the most it can be. With d
 //! degrees of freedom, var v̂ = 2v²/d; so with t the terms and t' the same from
 //! pooled variances,
 //!
@@ -118,7 +119,7 @@ impl Film {
         let degrees = self.layout.groups.degrees();
         squares /= 1.0 - 0.5 / degrees.sqrt();
         let effective = if squares > 0.0 { sum * sum / squares } else { count };
-        let spread = (2.0 * overlap(self.spec()) / (degrees * effective)).sqrt();
+        let spread = (2.0 * self.sharing * overlap(self.spec()) / (degrees * effective)).sqrt();
         RelativeError {
             value: (sum / count).sqrt(),
             // Half of that of T, whose root the value is.

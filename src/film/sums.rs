@@ -35,6 +35,8 @@ pub struct Film {
     /// Quanta per unit, for each value of a pixel; powers of two.
     units: Vec<f64>,
     limits: Limits,
+    /// Pixels that share their noise, beside what the filter makes of it.
+    pub(super) sharing: f64,
     rows: Vec<Mutex<Row>>,
 }
 
@@ -164,7 +166,14 @@ impl Film {
         let rows = (0..window.height())
             .map(|_| Mutex::new(Row::new(window.width(), layout.stride, layers)))
             .collect();
-        Film { spec, layers, layout, units, limits, rows }
+        Film { spec, layers, layout, units, limits, sharing: 1.0, rows }
+    }
+
+    /// As if groups of that many pixels had all of their noise in common: what is known of
+    /// the error of the picture rests on fewer pixels.
+    #[must_use]
+    pub fn with_shared_noise(self, pixels: u32) -> Film {
+        Film { sharing: f64::from(pixels.max(1)), ..self }
     }
 
     /// The largest radiance of a sample that a film of this scale takes; a

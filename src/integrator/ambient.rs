@@ -16,7 +16,12 @@ pub struct AmbientOcclusion {
 
 impl AmbientOcclusion {
     /// Estimates what one sample of one pixel sees.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
@@ -47,7 +52,12 @@ pub struct Depth;
 
 impl Depth {
     /// What one sample of one pixel sees.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         record.counters().camera_rays += 1;

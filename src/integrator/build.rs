@@ -1,11 +1,12 @@
 //! Reads the `<integrator>` of a scene; names, parameters and defaults as in
 //! Mitsuba 3.9, and two of our own (`whitted`, `ao`). `volpath` is the same path
 //! tracer as `path`, which knows media as well, but for it surfaces where
-//! nothing happens (`null`) do not make a path longer.
+//! nothing happens (`null`) do not make a path longer. Both have a parameter of our own,
+//! `reuse`: the number of pixels that use each other's paths (1: none; 0: what a trial finds better).
 
 use super::{AmbientOcclusion, Depth, Direct, Integrator, Path, Whitted};
 use crate::desc::{Category, Error, ObjectId, Params, Result, SceneDesc};
-use crate::film::LayerSet;
+use crate::film::{LayerSet, TILE_SIZE};
 use crate::math::Rgb;
 
 /// Scene-file names of all integrators.
@@ -18,6 +19,11 @@ pub struct IntegratorOptions {
     pub name: Option<String>,
     /// Another `max_depth` than the file's; −1 is no limit.
     pub max_depth: Option<i64>,
+    /// Pixels that use each other's paths, instead of the file's; 1 for none,
+    /// [`AUTO_REUSE`] for what a trial finds better.
+    pub reuse: Option<u32>,
+    /// The same where neither this nor the file says anything.
+    pub reuse_unsaid: Option<u32>,
 }
 
 /// Deepest ray tree of `whitted`: its branches double with every level.
@@ -34,9 +40,11 @@ impl Integrator {
         if let [_, (_, second), ..] = found.as_slice() {
             return Err(desc.error(desc.object(*second).pos, "a scene has one integrator only"));
         }
+        let mut said = false;
         let mut integrator = match found.first() {
             Some((_, id)) => {
                 let params = desc.params(inside(desc, *id, &mut Layers::default())?);
+                said = params.has("reuse");
                 // One that is not ours may be replaced by the command line.
                 if !NAMES.contains(&params.object().plugin.as_str())
                     && let Some(name) = &options.name
@@ -62,6 +70,19 @@ impl Integrator {
         }
         if let Some(depth) = options.max_depth {
             integrator.limit_depth(depth)?;
+        }
+        if let Some(pixels) = options.reuse.or(options.reuse_unsaid.filter(|_| !said)) {
+            match &mut integrator {
+                Integrator::Path(path) => path.reuse = pixels,
+                _ if options.reuse.is_none() => {}
+                other => {
+                    return Err(Error::new(format!(
+                        "integrator `{}` has no paths to use again",
+                        other.name()
+                    ))
+                    .hint("--reuse goes with `path` or `volpath`"));
+                }
+            }
         }
         Ok(integrator)
     }
@@ -124,7 +145,14 @@ impl Integrator {
 }
 
 const DEFAULT_PATH: Path =
-    Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false, see_through: false };
+    Path { max_depth: u32::MAX, rr_depth: 5, hide_emitters: false, see_through: false, reuse: 1 };
+
+/// Whether pixels use each other's paths is to be tried out.
+pub const AUTO_REUSE: u32 = 0;
+
+/// Most pixels that use each other's paths: those of a tile.
+pub const MOST_REUSE: u32 = (TILE_SIZE * TILE_SIZE) as u32;
+
 const DEFAULT_WHITTED: Whitted = Whitted { max_depth: 8, ambient: None, cutoff: 1e-3, hide_emitters: false };
 
 /// Mitsuba's depth: −1 is no limit.
@@ -196,6 +224,24 @@ fn max_depth(params: &Params, default: i64) -> Result<u32> {
     })
 }
 
+/// A number of pixels that use each other's paths, as the command line writes it: `auto` for
+/// [`AUTO_REUSE`].
+#[must_use]
+pub fn reuse_named(text: &str) -> Option<u32> {
+    match text {
+        "auto" => Some(AUTO_REUSE),
+        _ => text.parse().ok().filter(|n| (1..=MOST_REUSE).contains(n)),
+    }
+}
+
+/// Our own: pixels that use each other's paths.
+fn reuse(params: &Params) -> Result<u32> {
+    let pixels = params.int("reuse", 1)?;
+    u32::try_from(pixels).ok().filter(|n| *n <= MOST_REUSE).ok_or_else(|| {
+        params.error_at("reuse", format!("`reuse` must be from 1 to {MOST_REUSE} pixels, or 0 for what a trial finds better, found {pixels}"))
+    })
+}
+
 fn read(params: &Params) -> Result<Integrator> {
     let hide_emitters = || params.bool("hide_emitters", false);
     Ok(match params.object().plugin.as_str() {
@@ -210,6 +256,7 @@ fn read(params: &Params) -> Result<Integrator> {
                 rr_depth: u32::try_from(rr_depth).unwrap_or(u32::MAX),
                 hide_emitters: hide_emitters()?,
                 see_through: name == "volpath",
+                reuse: reuse(params)?,
             })
         }
         "direct" => {

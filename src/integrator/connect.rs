@@ -41,7 +41,7 @@ impl Connection {
     /// What of it arrives at the camera through `beta`, by a shadow ray, which
     /// goes through surfaces that are not there if it may `see_through` them.
     #[inline(always)]
-    pub fn trace<R: Record>(
+    pub fn trace<'s, R: Record<'s>>(
         self,
         scene: &Scene,
         hit: &Interaction,
@@ -57,7 +57,16 @@ impl Connection {
         let left = arriving(scene, hit, &light.sample, see_through);
         let occluded = left == Rgb::ZERO;
         let contribution = if occluded { Rgb::ZERO } else { contribution * left };
-        record.event(|| Event::Light { wi: light.sample.wi, pdf: light.pdf, f, mis, contribution, occluded });
+        record.event(|| Event::Light {
+            wi: light.sample.wi,
+            pdf: light.pdf,
+            f,
+            mis,
+            radiance: light.sample.radiance * left,
+            delta: light.sample.delta,
+            contribution,
+            occluded,
+        });
         contribution
     }
 }
@@ -159,7 +168,9 @@ impl Reservoir {
         let mut chosen = self.chosen?;
         // Of one alone nothing is divided: it may be infinite.
         let others = if self.sum == self.share { 1.0 } else { self.sum / self.share };
-        chosen.contribution *= (others * factor) as f32;
+        let factor = (others * factor) as f32;
+        chosen.contribution *= factor;
+        chosen.light.sample.radiance *= factor;
         Some(chosen)
     }
 }

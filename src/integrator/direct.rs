@@ -25,7 +25,12 @@ pub struct Direct {
 
 impl Direct {
     /// Estimates what one sample of one pixel sees.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
@@ -54,7 +59,7 @@ impl Direct {
         out
     }
 
-    fn light_sample<R: Record>(
+    fn light_sample<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         camera: &CameraSample,
@@ -70,7 +75,7 @@ impl Direct {
         found.faint.map_or(main, |faint| main + faint.trace(scene, hit, (Rgb::ONE, false), record))
     }
 
-    fn bsdf_sample<R: Record>(
+    fn bsdf_sample<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         camera: &CameraSample,

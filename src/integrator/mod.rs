@@ -9,13 +9,15 @@ mod connect;
 mod direct;
 mod path;
 mod record;
+mod reuse;
 mod whitted;
 
 pub use ambient::{AmbientOcclusion, Depth};
-pub use build::{IntegratorOptions, NAMES};
+pub use build::{AUTO_REUSE, IntegratorOptions, MOST_REUSE, NAMES, reuse_named};
 pub use direct::Direct;
 pub use path::Path;
 pub use record::{Counters, Event, NoRecord, Record, Vertex};
+pub use reuse::{Lender, Links, exchange};
 pub use whitted::Whitted;
 
 use crate::color::Hue;
@@ -65,6 +67,32 @@ impl Integrator {
             Integrator::Whitted(_) => true,
             Integrator::Path(_) | Integrator::AmbientOcclusion(_) | Integrator::Depth(_) => false,
         }
+    }
+
+    /// Pixels in a group that uses each other's paths; 1 for none, [`AUTO_REUSE`] to be decided.
+    #[must_use]
+    pub fn reuse(&self) -> u32 {
+        match self {
+            Integrator::Path(path) => path.reuse,
+            _ => 1,
+        }
+    }
+
+    /// Why pixels cannot use each other's paths in this scene, if they are to.
+    #[must_use]
+    pub fn reuse_obstacle(&self, scene: &Scene) -> Option<&'static str> {
+        let Integrator::Path(path @ Path { reuse: AUTO_REUSE | 2.., .. }) = self else { return None };
+        if scene.plan.motion {
+            // They are at different times.
+            return Some("something moves while the shutter is open");
+        }
+        if scene.plan.dispersion {
+            // They have different wavelengths.
+            return Some("a material refracts colours apart");
+        }
+        // What is seen through stands in the densities of scattered rays.
+        (path.see_through && (scene.plan.alpha || scene.has_media()))
+            .then_some("`volpath` sees through surfaces or media")
     }
 
     /// What is left out of the rendering equation, for the file header.
@@ -134,7 +162,12 @@ impl Integrator {
 
     /// Estimates what one sample of one pixel sees. `record` is told of every
     /// vertex; pass [`NoRecord`] to render.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &'s Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         if camera.ray.t_max <= 0.0 {
             return PixelSample::default();
         }
@@ -298,7 +331,12 @@ fn first_hit_layers(out: &mut PixelSample, scene: &Scene, camera: &CameraSample,
 
 /// The first hit of a camera ray; with `skip_lights` it goes through shapes
 /// that emit, as `hide_emitters` asks, and `ray` starts behind the last of them.
-fn first_hit<R: Record>(scene: &Scene, ray: &mut Ray, skip_lights: bool, record: &mut R) -> Option<Hit> {
+fn first_hit<'s, R: Record<'s>>(
+    scene: &Scene,
+    ray: &mut Ray,
+    skip_lights: bool,
+    record: &mut R,
+) -> Option<Hit> {
     loop {
         record.counters().camera_rays += 1;
         let hit = scene.closest(ray)?;

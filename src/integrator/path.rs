@@ -41,6 +41,9 @@ pub struct Path {
     /// Surfaces that let light straight through are not there: they neither end
     /// shadow rays nor make a path longer. Media are.
     pub see_through: bool,
+    /// Pixels in a group that uses each other's paths ([`super::reuse`]); 1 for none,
+    /// [`super::AUTO_REUSE`] for what a trial finds better.
+    pub reuse: u32,
 }
 
 /// Scatterings after which a path may be one that never ends.
@@ -102,7 +105,12 @@ impl State {
 
 impl Path {
     /// Estimates what one sample of one pixel sees.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &'s Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         if self.max_depth == 0 {
@@ -156,6 +164,9 @@ impl Path {
             }
             let carried = state.carried(scene, camera, &surface);
             let hit = scene.interact(&surface, -state.ray.dir, &carried, &mut room);
+            if R::LENDS {
+                record.meet(&hit, state.bounce, state.last.delta, (&mut state.beta, &mut out.rgb));
+            }
             out.rgb += self.next_event(scene, camera, &hit, &state, record);
             match self.scatter(scene, (camera, &hit), &mut state, record) {
                 Some(null) => {
@@ -208,7 +219,7 @@ impl Path {
     }
 
     /// Light of the environment, weighed against having sampled it as a light.
-    fn environment<R: Record>(&self, scene: &Scene, state: &State, record: &mut R) -> Rgb {
+    fn environment<'s, R: Record<'s>>(&self, scene: &Scene, state: &State, record: &mut R) -> Rgb {
         let (le, mis) = if state.last.delta {
             (scene.environment(state.ray.dir), 1.0)
         } else {
@@ -223,7 +234,7 @@ impl Path {
     }
 
     /// Light emitted at the vertex, weighed against having sampled it as a light.
-    fn hit_light<R: Record>(
+    fn hit_light<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         surface: &SurfacePoint,
@@ -247,7 +258,7 @@ impl Path {
     }
 
     /// Next-event estimation: one light sample.
-    fn next_event<R: Record>(
+    fn next_event<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         camera: &CameraSample,
@@ -272,7 +283,7 @@ impl Path {
 
     /// Samples the bsdf and moves on; `None` when absorbed, else whether the
     /// path went straight through.
-    fn scatter<R: Record>(
+    fn scatter<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         (camera, hit): (&CameraSample, &Interaction),
@@ -311,7 +322,10 @@ impl Path {
     }
 
     /// Russian roulette; false when the path ends.
-    fn survive<R: Record>(&self, camera: &CameraSample, state: &mut State, record: &mut R) -> bool {
+    fn survive<'s, R: Record<'s>>(&self, camera: &CameraSample, state: &mut State, record: &mut R) -> bool {
+        if R::LENDS && record.keeps(state.bounce) {
+            return true;
+        }
         let mut survival = if state.depth < self.rr_depth {
             1.0
         } else {

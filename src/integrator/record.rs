@@ -2,6 +2,7 @@
 //! somebody (`etendue replay`) wants to see the path.
 
 use crate::math::{Rgb, Vec3};
+use crate::scene::Interaction;
 
 /// Rays and paths, counted per tile and summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,6 +77,10 @@ pub enum Event {
         f: Rgb,
         /// MIS weight.
         mis: f32,
+        /// What of its radiance arrives, for all lights that it stands for.
+        radiance: Rgb,
+        /// A light without a size.
+        delta: bool,
         /// What it contributed; zero when occluded.
         contribution: Rgb,
         /// Something stood in between.
@@ -104,19 +109,38 @@ pub enum Event {
 }
 
 /// Listens to an integrator.
-pub trait Record {
+pub trait Record<'s> {
+    /// Paths are lent to others: [`Record::meet`] and [`Record::keeps`] are asked.
+    const LENDS: bool = false;
+
     /// The counters to add to.
     fn counters(&mut self) -> &mut Counters;
 
     /// An event; the closure is not called when nobody listens.
     fn event(&mut self, event: impl FnOnce() -> Event);
+
+    /// A vertex before light is connected to it, after `bounce` scatterings, the last of them
+    /// by a delta lobe or not. What the path carries and what it has found may be set apart.
+    fn meet(
+        &mut self,
+        _hit: &Interaction<'_, 's>,
+        _bounce: u32,
+        _after_delta: bool,
+        _of: (&mut Rgb, &mut Rgb),
+    ) {
+    }
+
+    /// True when roulette is not to be played after that many scatterings.
+    fn keeps(&self, _bounce: u32) -> bool {
+        false
+    }
 }
 
 /// Counts and does not listen.
 #[derive(Debug, Default)]
 pub struct NoRecord(pub Counters);
 
-impl Record for NoRecord {
+impl Record<'_> for NoRecord {
     fn counters(&mut self) -> &mut Counters {
         &mut self.0
     }
@@ -126,7 +150,7 @@ impl Record for NoRecord {
 }
 
 /// Keeps every event.
-impl Record for (Counters, Vec<Event>) {
+impl Record<'_> for (Counters, Vec<Event>) {
     fn counters(&mut self) -> &mut Counters {
         &mut self.0
     }

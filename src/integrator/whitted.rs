@@ -35,7 +35,12 @@ const BRANCHES: [f32; 2] = [0.0, crate::math::ONE_MINUS_EPSILON];
 
 impl Whitted {
     /// What one sample of one pixel sees.
-    pub fn sample<R: Record>(&self, scene: &Scene, camera: &CameraSample, record: &mut R) -> PixelSample {
+    pub fn sample<'s, R: Record<'s>>(
+        &self,
+        scene: &Scene,
+        camera: &CameraSample,
+        record: &mut R,
+    ) -> PixelSample {
         let mut out = PixelSample::default();
         record.counters().paths += 1;
         let mut ray = camera.ray;
@@ -65,7 +70,7 @@ impl Whitted {
 
     /// Radiance that leaves a hit against `ray`, which came through `medium`;
     /// `beta` is the weight of the branch.
-    fn shade<R: Record>(
+    fn shade<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         (surface, medium): (&SurfacePoint, u32),
@@ -94,7 +99,7 @@ impl Whitted {
     }
 
     /// Light from one source, as if all of it came from its middle.
-    fn light<R: Record>(scene: &Scene, hit: &Interaction, index: usize, record: &mut R) -> Rgb {
+    fn light<'s, R: Record<'s>>(scene: &Scene, hit: &Interaction, index: usize, record: &mut R) -> Rgb {
         let light = &scene.lights[index];
         if light.is_environment() {
             return Rgb::ZERO; // the ambient term stands for it
@@ -111,12 +116,21 @@ impl Whitted {
         let left = arriving(scene, hit, &sample, true);
         let occluded = left == Rgb::ZERO;
         let contribution = if occluded { Rgb::ZERO } else { contribution * left };
-        record.event(|| Event::Light { wi: sample.wi, pdf: sample.pdf, f, mis: 1.0, contribution, occluded });
+        record.event(|| Event::Light {
+            wi: sample.wi,
+            pdf: sample.pdf,
+            f,
+            mis: 1.0,
+            radiance: sample.radiance * left,
+            delta: sample.delta,
+            contribution,
+            occluded,
+        });
         contribution
     }
 
     /// Perfect reflection and refraction, both.
-    fn branches<R: Record>(
+    fn branches<'s, R: Record<'s>>(
         &self,
         scene: &Scene,
         (camera, hit): (&CameraSample, &Interaction),

@@ -191,6 +191,34 @@ impl<'a> Scatter<'a> {
         &self.lobes
     }
 
+    /// The shading normal of a surface that reflects from every direction of a side to every other
+    /// one of it, mirrors apart; `None` where it transmits, has several normals or may be black
+    /// between two directions.
+    #[must_use]
+    pub fn reflects(&self) -> Option<Vec3> {
+        let (first, others) = self.lobes.split_first()?;
+        let reflects = |lobe: &Lobe<'a>| self.bsdf(lobe).reflects_everywhere();
+        let alike = others.iter().all(|lobe| lobe.frame.n == first.frame.n && reflects(lobe));
+        (self.smooth && alike && reflects(first)).then_some(first.frame.n)
+    }
+
+    /// True when all that is reflected looks the same from everywhere on its side of the surface.
+    #[must_use]
+    pub fn is_lambertian(&self) -> bool {
+        matches!(self.lobes.as_slice(), [lobe] if matches!(lobe.bsdf, Carrier::Plain(Bsdf::Diffuse(_))))
+    }
+
+    /// Normal and reflectance of Lambert's law, if it is all there is to evaluate.
+    #[must_use]
+    pub fn as_lambertian(&self) -> Option<(Vec3, Rgb)> {
+        match self.lobes.as_slice() {
+            [Lobe { bsdf: Carrier::Plain(Bsdf::Diffuse(diffuse)), frame, perturbed: None, .. }] => {
+                Some((frame.n, diffuse.reflectance))
+            }
+            _ => None,
+        }
+    }
+
     /// Share of the light that passes straight through, as if nothing were
     /// there.
     #[must_use]

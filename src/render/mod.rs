@@ -9,12 +9,16 @@
 //! depends neither on the number of threads nor on the order of tiles.
 
 mod bad;
+mod block;
 mod memory;
 mod pass;
+mod pilot;
 mod replay;
 mod stats;
 
 pub use bad::{BadSample, BadSamples, Cause};
+pub use block::Draw;
+pub use pilot::Pilot;
 pub use replay::{Replay, replay};
 pub use stats::{RenderStats, peak_memory_bytes};
 
@@ -22,12 +26,14 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use cpu_time::ThreadTime;
+use cpu_time::{ProcessTime, ThreadTime};
 use rayon::prelude::*;
 
+use self::block::Block;
 use crate::desc::{Error, Result};
-use crate::film::{Film, Groups, LayerSet, MAX_REPLICAS, Rect, RelativeError, Tile};
-use crate::integrator::{CameraSample, Counters, Integrator, NoRecord};
+use crate::film::{Film, Groups, LayerSet, MAX_REPLICAS, PixelSample, Rect, RelativeError, Tile};
+use crate::integrator::{AUTO_REUSE, CameraSample, Counters, Integrator, NoRecord, Path};
+use crate::math::Vec2;
 use crate::sampling::{Sampler, Sequence, replica_of};
 use crate::scene::Scene;
 
@@ -165,12 +171,46 @@ pub fn render(
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
+    if integrator.reuse() != AUTO_REUSE
+        && let Some(what) = integrator.reuse_obstacle(scene)
+    {
+        return Err(Error::new(format!("paths cannot be used by several pixels where {what}"))
+            .hint("leave out `reuse`"));
+    }
     memory::check_room(&scene.film, options.layers, Groups::of_replicas(options.replicas))?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)
         .build()
         .map_err(|e| Error::new(format!("cannot start {} threads: {e}", options.threads)))?;
-    pool.install(|| Job::new(scene, integrator, options, monitor).run())
+    pool.install(|| {
+        let clock = (Instant::now(), ProcessTime::now());
+        let (integrator, pilot) = decide(scene, integrator, options);
+        let spent = pilot.map(|_| (clock.0.elapsed().as_secs_f64(), clock.1.elapsed().as_secs_f64()));
+        let mut options = options.clone();
+        options.time = options.time.map(|limit| limit.saturating_sub(clock.0.elapsed()));
+        let mut rendered = Job::new(scene, &integrator, &options, monitor).run()?;
+        rendered.stats.pilot = pilot;
+        if let Some((wall, cpu)) = spent {
+            rendered.stats.wall_seconds += wall;
+            rendered.stats.cpu_seconds += cpu;
+        }
+        Ok(rendered)
+    })
+}
+
+/// The integrator, with the number of pixels that use each other's paths decided.
+fn decide(scene: &Scene, integrator: &Integrator, options: &RenderOptions) -> (Integrator, Option<Pilot>) {
+    let Integrator::Path(path @ Path { reuse: AUTO_REUSE, .. }) = integrator else {
+        return (integrator.clone(), None);
+    };
+    let alone = Path { reuse: 1, ..*path };
+    if integrator.reuse_obstacle(scene).is_some() {
+        return (Integrator::Path(alone), None);
+    }
+    let film = Film::new(scene.film.clone(), LayerSet::default(), 1.0);
+    let pilot = Pilot::run(scene, &alone, &film, options.samples_per_pixel, (options.seed, options.sequence));
+    let reuse = pilot.map_or(1, |pilot| pilot.pixels());
+    (Integrator::Path(Path { reuse, ..alone }), pilot)
 }
 
 struct Job<'a> {
@@ -197,7 +237,8 @@ impl<'a> Job<'a> {
     ) -> Job<'a> {
         let groups = Groups::of_replicas(options.replicas);
         let scale = integrator.radiance_scale(scene);
-        let film = Film::grouped(scene.film.clone(), options.layers, scale, groups);
+        let film = Film::grouped(scene.film.clone(), options.layers, scale, groups)
+            .with_shared_noise(integrator.reuse());
         let mut tiles = film.tiles();
         pass::order(&mut tiles, options.order);
         let pixels: u64 = tiles.iter().map(|t| t.area() as u64).sum();
@@ -271,6 +312,8 @@ impl<'a> Job<'a> {
             effective_pixels: relative.effective_pixels,
             film_bytes: self.film.memory_bytes(),
             stopped,
+            reuse: self.integrator.reuse(),
+            pilot: None,
         };
         Ok(Rendered { film: self.film, stats })
     }
@@ -278,8 +321,8 @@ impl<'a> Job<'a> {
     /// Renders some samples of every pixel.
     fn pass(&self, samples: std::ops::Range<u64>, error: Option<f64>) {
         self.tiles.par_iter().with_max_len(1).for_each_init(
-            || None,
-            |buffer: &mut Option<Tile>, rect| {
+            || (None, self.shared().map(|path| Block::new(self.scene, path))),
+            |(buffer, block): &mut (Option<Tile>, Option<Block>), rect| {
                 let clock = ThreadTime::now();
                 let tile = match buffer {
                     Some(tile) => {
@@ -288,7 +331,10 @@ impl<'a> Job<'a> {
                     }
                     None => buffer.insert(self.film.tile(*rect)),
                 };
-                let (counters, bad) = self.tile(tile, rect, samples.clone());
+                let (counters, bad) = match block {
+                    None => self.tile(tile, rect, samples.clone()),
+                    Some(block) => self.shared_tile(block, tile, rect, samples.clone()),
+                };
                 self.film.merge(tile);
                 if let Ok(mut totals) = self.totals.lock() {
                     totals.0.add(&counters);
@@ -302,6 +348,58 @@ impl<'a> Job<'a> {
         );
     }
 
+    /// The path tracer, if pixels use each other's paths.
+    fn shared(&self) -> Option<&'a Path> {
+        match self.integrator {
+            Integrator::Path(path) if path.reuse > 1 => Some(path),
+            _ => None,
+        }
+    }
+
+    /// As [`Job::tile`], for pixels that use each other's paths.
+    fn shared_tile(
+        &self,
+        block: &mut Block<'a>,
+        tile: &mut Tile,
+        rect: &Rect,
+        samples: std::ops::Range<u64>,
+    ) -> (Counters, BadSamples) {
+        let mut record = NoRecord::default();
+        let mut bad = BadSamples::default();
+        let layers = self.options.layers.needs_first_hit();
+        block.move_to(rect.min);
+        for index in samples {
+            let (seed, within) = replica_of(self.options.seed, self.options.replicas, index);
+            let draw = Draw { seed, index: within, sequence: self.options.sequence, layers };
+            block.sample(&draw, &mut record);
+            for pixel in rect.pixels() {
+                let (sample, offset) = block.of(pixel);
+                self.keep(tile, (pixel, offset, index), sample, &mut bad);
+            }
+        }
+        (record.0, bad)
+    }
+
+    /// Adds a sample to a tile, or counts it as bad.
+    #[inline]
+    fn keep(
+        &self,
+        tile: &mut Tile,
+        (pixel, offset, index): ((i32, i32), Vec2, u64),
+        sample: &PixelSample,
+        bad: &mut BadSamples,
+    ) {
+        match Cause::of(sample, self.largest, self.options.layers.needs_first_hit()) {
+            None => {
+                tile.add(pixel, offset, index, sample);
+            }
+            Some(cause) => {
+                tile.leave_out(pixel);
+                bad.count(BadSample { pixel, index, cause });
+            }
+        }
+    }
+
     fn tile(&self, tile: &mut Tile, rect: &Rect, samples: std::ops::Range<u64>) -> (Counters, BadSamples) {
         let mut record = NoRecord::default();
         let mut bad = BadSamples::default();
@@ -313,15 +411,7 @@ impl<'a> Job<'a> {
                 let (mut camera, offset) = CameraSample::new(self.scene, pixel, sampler);
                 camera.layers = layers;
                 let sample = self.integrator.sample(self.scene, &camera, &mut record);
-                match Cause::of(&sample, self.largest, layers) {
-                    None => {
-                        tile.add(pixel, offset, index, &sample);
-                    }
-                    Some(cause) => {
-                        tile.leave_out(pixel);
-                        bad.count(BadSample { pixel, index, cause });
-                    }
-                }
+                self.keep(tile, (pixel, offset, index), &sample, &mut bad);
             }
         }
         (record.0, bad)

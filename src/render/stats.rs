@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use super::{BadSamples, Stopped};
+use super::{BadSamples, Pilot, Stopped};
 use crate::integrator::Counters;
 use crate::scene::Plan;
 
@@ -33,6 +33,10 @@ pub struct RenderStats {
     pub film_bytes: usize,
     /// Why it ended.
     pub stopped: Stopped,
+    /// Pixels in a group that used each other's paths; 1 for none.
+    pub reuse: u32,
+    /// What made that so, if it was left open.
+    pub pilot: Option<Pilot>,
 }
 
 impl RenderStats {
@@ -62,6 +66,8 @@ impl RenderStats {
             "effective_pixels": self.effective_pixels,
             "film_bytes": self.film_bytes,
             "stopped": self.stopped.reason(),
+            "reuse": self.reuse,
+            "reuse_pilot": self.pilot.map(|p| json!({ "gain": p.gain, "work": p.work })),
             "peak_memory_bytes": peak_memory_bytes(),
             "bad_samples": self.bad.to_json(),
             "plan": plan.to_json(),

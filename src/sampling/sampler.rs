@@ -98,6 +98,7 @@ enum Use {
     Joint = 0,
     OneD = 1,
     TwoD = 2,
+    Rank = 3,
 }
 
 impl Sampler {
@@ -115,6 +116,12 @@ impl Sampler {
     #[inline]
     pub fn index(&self) -> u32 {
         self.index
+    }
+
+    /// Orders pixels at random, anew for each sample; independent of all numbers that are drawn.
+    #[must_use]
+    pub fn rank(&self) -> u32 {
+        (mix(self.key ^ mix((u64::from(self.index) << 2) | Use::Rank as u64)) >> 32) as u32
     }
 
     /// The same numbers' place in another sequence.

@@ -17,7 +17,7 @@ use super::truth::{RegionMask, Truth, regions};
 use super::{Budget, Configuration, Image, Plan, ScenePlan};
 use crate::desc::{Error, Fnv, Result};
 use crate::film::LayerSet;
-use crate::integrator::{Integrator, IntegratorOptions};
+use crate::integrator::{Integrator, IntegratorOptions, reuse_named};
 use crate::load::{LoadOptions, load};
 use crate::render::{Monitor, Quiet, RenderOptions, RenderStats, Stopped, TileOrder, render};
 use crate::sampling::Sequence;
@@ -453,6 +453,8 @@ impl Candidate {
         let options = IntegratorOptions {
             name: configuration.get("integrator").map(str::to_owned),
             max_depth: configuration.get("max-depth").and_then(|d| d.parse().ok()),
+            reuse: configuration.get("reuse").and_then(reuse_named),
+            reuse_unsaid: None,
         };
         let integrator = Integrator::from_desc(&scene.desc, &options)?;
         let sequence = configuration.get("sampler").and_then(Sequence::named).unwrap_or(Sequence::Sobol);

@@ -37,11 +37,12 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use crate::desc::{Error, Pos, Result, nearest};
+use crate::integrator::{MOST_REUSE, reuse_named};
 use crate::sampling::Sequence;
 use crate::texture::TextureFilter;
 
 /// What `vary` knows beside parameters of scene files.
-pub const KEYS: [&str; 6] = ["integrator", "sampler", "accel", "bvh", "max-depth", "texture-filter"];
+pub const KEYS: [&str; 7] = ["integrator", "sampler", "accel", "bvh", "max-depth", "reuse", "texture-filter"];
 
 /// Rungs below the largest of a ladder of seconds.
 const TIME_RUNGS: u32 = 6;
@@ -391,6 +392,14 @@ impl Plan {
                 && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())
             {
                 return Err(Error::new(format!("vary `max-depth`: `{bad}` is no whole number")));
+            }
+            if key == "reuse"
+                && let Some(bad) = values.iter().find(|v| reuse_named(v).is_none())
+            {
+                let message = format!(
+                    "vary `reuse`: `{bad}` is neither a number of pixels from 1 to {MOST_REUSE} nor auto"
+                );
+                return Err(Error::new(message));
             }
             if all.len().saturating_mul(values.len()) > MOST_RUNS {
                 return Err(Error::new(format!(

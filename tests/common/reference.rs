@@ -21,8 +21,10 @@ pub struct Reference {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    mean: Vec<f32>,
-    variance: Vec<f32>,
+    /// Its pixels, three channels each.
+    pub mean: Vec<f32>,
+    /// Variance of these.
+    pub variance: Vec<f32>,
 }
 
 /// Independent renders that our mean and variance are made of, at least.

@@ -44,7 +44,8 @@ impl Ready {
     pub fn build(desc: &SceneDesc, integrator: Option<&str>, accel: Option<&str>) -> Ready {
         let build = BuildOptions { accel: accel.map(str::to_owned), ..BuildOptions::default() };
         let scene = Scene::build(desc, &build).unwrap_or_else(|e| panic!("{e}"));
-        let choice = IntegratorOptions { name: integrator.map(str::to_owned), max_depth: None };
+        let choice =
+            IntegratorOptions { name: integrator.map(str::to_owned), ..IntegratorOptions::default() };
         let integrator = Integrator::from_desc(desc, &choice).unwrap_or_else(|e| panic!("{e}"));
         Ready { scene, integrator }
     }
