@@ -230,7 +230,6 @@ def place(at, size=1, turn=(1, 0, 0, 0)):
 
 # Nothing touches the floor: where a body does, rays of Mitsuba leave it beyond its boundary.
 FLOOR = place((0, 0, -1), 5, (1, 0, 0, -90))
-# Behind everything: Mitsuba's tabulated filter is off where something bright ends before black.
 # Texture coordinates of the floor: turned by 20 degrees (against the clock in glTF's v-down coordinates), scaled.
 WALL = ("wall", "quad", place((0, 3, -3.6), 8), matte((0.5, 0.5, 0.55)), diffuse((0.5, 0.5, 0.55)))
 TURN = math.radians(20)
