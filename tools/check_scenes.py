@@ -35,7 +35,8 @@ single scene again, with less of that; our own side is the scene as it stands ea
 time. --place X,Y,Z --scale K: against Mitsuba's picture of a copy that is moved so
 that this place is the origin, and then made K times as large, a power of two.
 --offset SHARE: against Mitsuba's `path` with this share of the offset everywhere
-(tools/mitsuba_near.py; llvm_ad_rgb).
+(tools/mitsuba_near.py; llvm_ad_rgb), and with --shadow SHARE of what its shadow rays
+end early.
 
 Prints one line per scene and exits 1 when one fails.
 """
@@ -84,7 +85,7 @@ def render(program, scene, spp, seed, integrator, folder, defines=()):
     return read(out)
 
 
-def for_mitsuba(scene, moved=None, offset=None):
+def for_mitsuba(scene, moved=None, offset=None, shadow=1.0):
     """The scene file's text, robust intersections switched on (without, rays of Embree miss edges; with
     curves, they crash)."""
     root = xml.parse(scene).getroot()
@@ -98,6 +99,7 @@ def for_mitsuba(scene, moved=None, offset=None):
             sys.exit(f"{scene}: --offset is for the integrator path")
         integrator.set("type", "near")
         xml.SubElement(integrator, "float", name="share", value=repr(offset))
+        xml.SubElement(integrator, "float", name="shadow_share", value=repr(shadow))
     return xml.tostring(root, encoding="unicode")
 
 
@@ -132,9 +134,9 @@ def move_all(scene, root, place, scale):
             number.set("value", repr(float(number.get("value")) * scale))
 
 
-def render_mitsuba(scene, spp, integrator, defines=(), moved=None, offset=None):
+def render_mitsuba(scene, spp, integrator, defines=(), moved=None, offset=None, shadow=1.0):
     """One picture per seed, as Mitsuba renders them now; of a copy elsewhere if `moved` (place, scale),
-    with that share of its ray offset if there is an `offset`."""
+    with those shares of its ray offset and of its shadow rays' ends if there is an `offset`."""
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
@@ -144,7 +146,7 @@ def render_mitsuba(scene, spp, integrator, defines=(), moved=None, offset=None):
     if offset is not None:
         import mitsuba_near  # noqa: F401: registers the integrator
     mi.file_resolver().prepend(str(scene.resolve().parent))
-    loaded = mi.load_string(for_mitsuba(scene, moved, offset), **values)
+    loaded = mi.load_string(for_mitsuba(scene, moved, offset, shadow), **values)
     # The first three channels are the colour, also of `moment`.
     render = lambda seed: np.array(mi.render(loaded, spp=spp, seed=1000 + seed), np.float64)[:, :, :3]
     return np.array([render(seed) for seed in range(SEEDS)])
@@ -218,7 +220,8 @@ def single(args):
         place = ", ".join(f"{c:g}" for c in args.place)
         ways[f", {place} at Mitsuba's origin, {args.scale:g} times as large"] = {"moved": (args.place, args.scale)}
     if args.offset is not None:
-        ways[f", {args.offset:g} of Mitsuba's offset"] = {"offset": args.offset}
+        end = f", {args.shadow:g} of its shadow rays' ends" if args.shadow != 1 else ""
+        ways[f", {args.offset:g} of Mitsuba's offset{end}"] = {"offset": args.offset, "shadow": args.shadow}
     found = against_mitsuba(args.program, args.folder, args.spp, args.define, ways.values())
     if isinstance(found, str):
         sys.exit(found)
@@ -276,6 +279,7 @@ def main():
     parser.add_argument("--place", type=lambda text: tuple(map(float, text.split(","))), metavar="X,Y,Z",
                         help="what is at the origin of Mitsuba's copy of a single scene")
     parser.add_argument("--scale", type=float, default=16.0, help="of Mitsuba's copy, with --place")
+    parser.add_argument("--shadow", type=float, default=1.0, metavar="SHARE", help="of what shadow rays end early, with --offset")
     parser.add_argument("--offset", type=float, metavar="SHARE", help="of Mitsuba's ray offset, for a single scene")
     args = parser.parse_args()
     if args.folder.is_file():

@@ -3,10 +3,10 @@
     import mitsuba as mi; mi.set_variant("llvm_ad_rgb"); import mitsuba_near
 
 Mitsuba 3.9.1 begins rays (1 + max|p|) 1500 2^-24 off the surface, a constant of
-its C++ headers, and ends shadow rays that much earlier. This is the same estimator
+its C++ headers, and ends shadow rays 15000 2^-24 of their length early. This is the same estimator
 (src/integrators/path.cpp) on its shapes, bsdfs and lights, with the parameter
-`share` of that offset (1: the same). At 1/16 an origin is still some 90 units in
-the last place off.
+`share` of that offset and `shadow_share` of that end (1: the same). At 1/16 an origin
+is still some 90 units in the last place off.
 """
 import drjit as dr
 import mitsuba as mi
@@ -23,6 +23,7 @@ class Near(mi.SamplingIntegrator):
         self.max_depth = props.get("max_depth", -1) % 2**32
         self.rr_depth = props.get("rr_depth", 5)
         self.share = props.get("share", 1.0)
+        self.shadow_share = props.get("shadow_share", 1.0)
 
     def origin(self, si, d):
         step = (1 + dr.max(dr.abs(si.p))) * (OFFSET * self.share)
@@ -52,7 +53,7 @@ class Near(mi.SamplingIntegrator):
             start = self.origin(si, ds.p - si.p)
             way = ds.p - start
             length = dr.norm(way)
-            shadow = mi.Ray3f(start, way / length, length * (1 - SHADOW), si.time, si.wavelengths)
+            shadow = mi.Ray3f(start, way / length, length * (1 - SHADOW * self.shadow_share), si.time, si.wavelengths)
             lit &= ~scene.ray_test(shadow, lit)
             # On.
             choice, sample = sampler.next_1d(), sampler.next_2d()
