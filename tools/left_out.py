@@ -69,9 +69,7 @@ WITHOUT = {
          "let (Traits { tangents, two_sided, filtered, .. }, attributes) = (self.traits[index], false);"),
     ],
     "lamps that move or are instanced": [
-        (SCENE, "                let emission = self.lamps.emission(index as usize - self.lights.len());\n"
-         "                emission.emitted(&self.geometry, surface, wo)\n",
-         "                Rgb::ZERO\n"),
+        (SCENE, "            None => self.emitted_by_placed(index, surface, wo),\n", "            None => Rgb::ZERO,\n"),
         (SCENE, "        if index as usize >= self.lights.len() {\n", "        if false {\n"),
     ],
 }
