@@ -181,7 +181,7 @@ def write(name, passes, made, stages, scene):
         # Passes after each run with --extend; one run of them all gives the same.
         info["stages"] = stages
     info |= {
-        **{key: made[key] for key in ("scene", "scene_sha256", "scene_flags", "defines", "sampler", "samples_per_pass")},
+        **{key: value for key, value in made.items() if key not in ("version", "variant")},
         "passes": count,
         "samples": made["samples_per_pass"] * count,
         "seeds": [FIRST_SEED, FIRST_SEED + count - 1],
@@ -211,6 +211,10 @@ def make(entry, defaults, options):
         "sampler": entry.get("sampler", "independent"),
         "samples_per_pass": spp,
     }
+    if "gltf" in entry:
+        # The same scene as glTF, which is what is tested.
+        made["gltf"] = f"scenes/{entry['gltf']}"
+        made["gltf_sha256"] = hashlib.sha256((SCENES / entry["gltf"]).read_bytes()).hexdigest()
     passes, stages = Passes(), []
     if options.extend:
         passes, info = read_passes(name, made)

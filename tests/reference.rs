@@ -1,4 +1,5 @@
-//! Every reference of `refs/` against Mitsuba, pixel by pixel.
+//! Every reference of `refs/` against Mitsuba, pixel by pixel. Where the scene
+//! stands as glTF too (`gltf` in the JSON), that file is what is rendered.
 //!
 //! Both sides have variances: Mitsuba's from its passes, ours from at least 16
 //! independent seeds. |z| of every pixel and channel is compared with a

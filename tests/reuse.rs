@@ -161,6 +161,34 @@ fn glossy_surfaces_lend_too() {
     assert!(gain > 1.5, "{gain}");
 }
 
+/// A closed room with a block in it whose surfaces all glow and reflect half: the radiance is the same
+/// everywhere, so what a pixel gains by the paths of others they lose by its own, to the last bits, in
+/// corners too.
+#[test]
+fn energy_goes_round() {
+    let glowing = |more: &str| {
+        format!(
+            r#"<shape type="cube">{more}<bsdf type="diffuse"/>
+            <emitter type="area"><rgb name="radiance" value="1"/></emitter></shape>"#
+        )
+    };
+    let xml = format!(
+        r#"<scene version="3.0.0"><integrator type="path"><integer name="max_depth" value="12"/></integrator>
+        <sensor type="perspective"><float name="fov" value="100"/><transform name="to_world">
+        <lookat origin="0.2,0.1,0.9" target="0,-0.2,0" up="0,1,0"/></transform>
+        <film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="48"/>
+        <rfilter type="box"/></film></sensor>{}{}</scene>"#,
+        glowing(r#"<boolean name="flip_normals" value="true"/>"#),
+        glowing(
+            r#"<transform name="to_world"><scale value="0.3"/><rotate y="1" angle="20"/>
+            <translate x="-0.3" y="-0.7"/></transform>"#
+        ),
+    );
+    let means =
+        [1, 16].map(|n| render::mean(&reusing(Ready::from_xml(&xml, None, None), n, None).picture(8, 3)));
+    assert!((means[1] / means[0] - 1.0).abs() < 1e-6, "{means:?}");
+}
+
 /// The longest path is as long as before: depth 2 has nothing to lend, depth 3 lends what next-event
 /// estimation finds at the second vertex.
 #[test]

@@ -222,6 +222,8 @@ fn messages() {
         text(&finish(c).stderr)
     };
     assert!(with_plan(&["--vary", "sampler=sobol"]).contains("`--vary` goes with a scene"));
+    assert!(with_plan(&["--camera", "above"]).contains("`--camera` goes with a scene"));
+    assert!(with_plan(&["--sun"]).contains("`--sun` goes with a scene"));
     assert!(with_plan(&[]).contains("there is no scene `x`"));
     assert!(message(&["--repeats", "2"]).contains("three `repeats` at least"));
     assert!(message(&["--series", "as the file says=f"]).contains("is taken"));
@@ -236,4 +238,77 @@ fn layers_without_a_reference_are_measured() {
     let done = finish(c);
     assert!(done.status.success(), "{}", text(&done.stderr));
     assert_eq!(study(&out).scenes[0].targets, ["colour", "albedo"]);
+}
+
+/// What is shown, when, and in which light: by options, by a plan, and by
+/// `render` it is the same picture.
+#[test]
+fn gltf_is_shown_as_render_shows_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let table = root().join("scenes/gltf-table/table.glb");
+    let sky = root().join("scenes/features/data/sky.exr");
+    let stage =
+        ["--camera", "above", "--frame", "7", "--fps", "12", "--shutter", "0,0.5", "--animation", "sway"];
+    let more = ["--variant", "slate", "--sun=50,20", "--env"];
+    let asked = |c: &mut Command| {
+        c.args(stage).args(more).arg(&sky).args(["--size", "24x16", "--threads", "1", "-q"]);
+    };
+    let by_options = folder.path().join("options");
+    let mut c = command(&table, &by_options);
+    asked(&mut c);
+    c.args(["--spp", "2", "--repeats", "3"]);
+    let done = finish(c);
+    assert!(done.status.success(), "{}", text(&done.stderr));
+
+    let plan = folder.path().join("plan.toml");
+    let toml = format!(
+        r#"
+spp = 2
+repeats = 3
+threads = 1
+[[scene]]
+file = "{}"
+size = [24, 16]
+camera = 1
+frame = 7
+fps = 12
+shutter = [0, 0.5]
+animation = "sway"
+variant = "slate"
+sun = [50, 20]
+env = "{}"
+"#,
+        table.display(),
+        sky.display()
+    );
+    fs::write(&plan, toml).expect("written");
+    let by_plan = folder.path().join("plan");
+    let done = finish(command(&plan, &by_plan));
+    assert!(done.status.success(), "{}", text(&done.stderr));
+
+    let (first, second) = (runs(&by_options), runs(&by_plan));
+    let keys = |runs: &[Run]| runs.iter().map(|r| r.key.clone()).collect::<Vec<_>>();
+    assert_eq!((keys(&first), first.len()), (keys(&second), 3), "the same runs by options and by a plan");
+
+    let pixels = |path: &Path| {
+        let picture = etendue::load::read_picture(path).expect("a picture");
+        ["R", "G", "B"].map(|c| picture.channel(c).expect("a colour").to_vec())
+    };
+    let rendered = folder.path().join("render.exr");
+    let render = |plain: bool| {
+        let mut c = Command::new(env!("CARGO_BIN_EXE_etendue"));
+        c.arg("render").arg(&table).arg("-o").arg(&rendered);
+        if plain {
+            c.args(["--size", "24x16", "--threads", "1", "-q"]);
+        } else {
+            asked(&mut c);
+        }
+        c.args(["--spp", "2", "--seed", &first[0].seed.to_string()]);
+        let done = finish(c);
+        assert!(done.status.success(), "{}", text(&done.stderr));
+        pixels(&rendered)
+    };
+    let studied = pixels(&by_options.join(&first[0].image));
+    assert_eq!(studied, render(false));
+    assert_ne!(studied, render(true));
 }

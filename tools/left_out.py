@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What an effect costs in scenes that do not have it.
 
-    python tools/left_out.py [FOLDER] [--only PART] [--scene SCENE.xml ...] [--size 64x64] [--spp 32]
+    python tools/left_out.py [FOLDER] [--only PART ...] [--scene SCENE.xml ...] [--size 64x64] [--spp 32]
 
 Copies the sources to FOLDER (a temporary one by default), takes one effect out at
 a time by small changes of the source, builds with the release profile, and counts
@@ -69,8 +69,8 @@ WITHOUT = {
          "let (Traits { tangents, two_sided, filtered, .. }, attributes) = (self.traits[index], false);"),
     ],
     "lamps that move or are instanced": [
-        (SCENE, "            None => self.lamps.emission(index as usize - self.lights.len()).emitted(surface, wo),\n",
-         "            None => Rgb::ZERO,\n"),
+        (SCENE, "            None => self.emitted_by_placed(index, surface, wo),\n", "            None => Rgb::ZERO,\n"),
+        (SCENE, "        if index as usize >= self.lights.len() {\n", "        if false {\n"),
     ],
 }
 
@@ -99,7 +99,7 @@ def instructions(program, scene, size, spp):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", nargs="?", type=pathlib.Path)
-    parser.add_argument("--only", default="")
+    parser.add_argument("--only", action="append", metavar="PART", help="effects whose name contains it; repeatable")
     parser.add_argument("--scene", action="append", type=pathlib.Path)
     parser.add_argument("--size", default="64x64")
     parser.add_argument("--spp", type=int, default=32)
@@ -117,7 +117,7 @@ def main():
     print("| without | " + " | ".join(scene.parent.name for scene in scenes) + " |\n|-|" + "-|" * len(scenes))
     print("| nothing | " + " | ".join(f"{n:.0f}" for n in whole) + " |", flush=True)
     for effect, changes in WITHOUT.items():
-        if args.only not in effect:
+        if args.only and not any(part in effect for part in args.only):
             continue
         originals = {}
         for name, there, instead in changes:

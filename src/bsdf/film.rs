@@ -68,7 +68,7 @@ impl Film {
         let shift = Rgb::from_array(base_ior.to_array().map(|n| first + if n < ior { PI } else { 0.0 }));
 
         let path = 2.0 * ior * self.thickness * cos_film;
-        let both = (bottom * top).clamp(Rgb::splat(1e-5), Rgb::splat(0.9999));
+        let both = (bottom * top).clamp(Rgb::ZERO, Rgb::splat(0.9999));
         let amplitude = Rgb::from_array(both.to_array().map(f32::sqrt));
         let inside = bottom * (through * through) / (Rgb::ONE - both);
         let mut sum = inside + top;
@@ -143,6 +143,15 @@ mod tests {
                     "{thickness} {cos}: {found} {expected}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn a_film_of_the_base_is_not_seen() {
+        for (ior, thickness) in [(1.5f32, 100.0), (2.4, 25.0), (2.4, 300.0)] {
+            let f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+            let found = Film { ior, thickness }.reflectance(1.0, Rgb::splat(f0));
+            assert!((found - f0).abs().max_element() < 1e-5, "{ior} {thickness}: {found}, not {f0}");
         }
     }
 

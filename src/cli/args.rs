@@ -155,6 +155,23 @@ impl StageArgs {
             self.shutter.map_or(String::new(), |[open, close]| format!(", shutter {open} to {close}"));
         Some(format!("frame {} at {} per second{shutter}", self.frame.unwrap_or(0.0), self.fps))
     }
+
+    /// The options that are given.
+    fn given(&self) -> impl Iterator<Item = &'static str> + use<> {
+        [
+            ("--camera", self.camera.is_some()),
+            ("--frame", self.frame.is_some()),
+            ("--fps", self.fps != FPS),
+            ("--shutter", self.shutter.is_some()),
+            ("--animation", self.animation.is_some()),
+            ("--variant", self.variant.is_some()),
+            ("--env", self.environment.is_some()),
+            ("--sun", self.sun.is_some()),
+            ("--allow-outside", self.allow_outside),
+        ]
+        .into_iter()
+        .filter_map(|(name, given)| given.then_some(name))
+    }
 }
 
 impl SceneArgs {
@@ -367,6 +384,8 @@ pub struct StudyArgs {
     /// Measure layers too: albedo, N, P; the reference must have them.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub layers: Vec<String>,
+    #[command(flatten)]
+    pub stage: StageArgs,
     /// Give a scene parameter (`$name` in the file) a value.
     #[arg(short = 'D', value_name = "NAME=VALUE", value_parser = parse_define)]
     pub defines: Vec<(String, String)>,
@@ -415,6 +434,7 @@ impl StudyArgs {
         ]
         .into_iter()
         .find_map(|(name, given)| given.then_some(name))
+        .or_else(|| self.stage.given().next())
     }
 
     /// The regions by name: four numbers are a rectangle, all else is a file.

@@ -12,8 +12,8 @@ use super::progress;
 use crate::desc::{Error, Result};
 use crate::study::report::write_report;
 use crate::study::{
-    Bench, Ladder, Ledger, Plan, ScenePlan, Seconds, SeriesPlan, Vary, Watch, gather, scene_name, summary,
-    to_csv,
+    Bench, Ladder, Ledger, Name, Plan, ScenePlan, Seconds, SeriesPlan, Vary, Watch, gather, scene_name,
+    summary, to_csv,
 };
 
 /// Runs a study, or goes on with one, and writes its report.
@@ -94,6 +94,7 @@ fn scene_plan(args: &StudyArgs) -> Result<Plan> {
         vary.insert(key.clone(), toml::Value::Array(list));
     }
     let define = args.defines.iter().map(|(k, v)| (k.clone(), toml::Value::String(v.clone()))).collect();
+    let stage = args.stage.clone();
     let scene = ScenePlan {
         name: scene_name(&args.subject),
         file: args.subject.clone(),
@@ -104,6 +105,15 @@ fn scene_plan(args: &StudyArgs) -> Result<Plan> {
         define,
         regions: args.regions()?,
         lenient: args.lenient,
+        camera: stage.camera.map(Name::Text),
+        frame: stage.frame,
+        fps: Some(stage.fps),
+        shutter: stage.shutter,
+        animation: stage.animation.map(Name::Text),
+        variant: stage.variant.map(Name::Text),
+        env: stage.environment,
+        sun: stage.sun,
+        allow_outside: stage.allow_outside,
     };
     let spp = (args.budget.is_none()).then(|| Ladder::Range("1..256".to_owned()));
     Ok(Plan { spp, vary, layers: args.layers.clone(), scenes: vec![scene], ..Plan::default() })

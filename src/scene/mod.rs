@@ -256,11 +256,17 @@ impl Scene {
         match self.lights.get(index as usize) {
             Some(Light::Area(area)) => area.emitted(&self.geometry, surface, wo),
             Some(_) => Rgb::ZERO,
-            None => {
-                let emission = self.lamps.emission(index as usize - self.lights.len());
-                emission.emitted(&self.geometry, surface, wo)
-            }
+            None => self.emitted_by_placed(index, surface, wo),
         }
+    }
+
+    /// The same of a lamp in an instance. Apart, since in [`Scene::emitted`] it cost
+    /// scenes without such lamps 1 % of their instructions.
+    #[cold]
+    #[inline(never)]
+    fn emitted_by_placed(&self, index: u32, surface: &SurfacePoint, wo: Vec3) -> Rgb {
+        let emission = self.lamps.emission(index as usize - self.lights.len());
+        emission.emitted(&self.geometry, surface, wo)
     }
 
     /// The ray through a point of the film and of the lens, at a time of the

@@ -12,13 +12,13 @@ use std::time::{Duration, Instant};
 
 use super::figures::measure;
 use super::ledger::{Ledger, Measured, Run};
-use super::plan::{KEYS, text};
+use super::plan::KEYS;
 use super::truth::{RegionMask, Truth, regions};
 use super::{Budget, Configuration, Image, Plan, ScenePlan};
 use crate::desc::{Error, Fnv, Result};
 use crate::film::LayerSet;
 use crate::integrator::{Integrator, IntegratorOptions, reuse_named};
-use crate::load::{LoadOptions, load};
+use crate::load::load;
 use crate::render::{Monitor, Quiet, RenderOptions, RenderStats, Stopped, TileOrder, render};
 use crate::sampling::Sequence;
 use crate::save::{Header, Options, write_exr};
@@ -415,15 +415,7 @@ impl Subject {
 impl Built {
     fn new(plan: &ScenePlan, configuration: &Configuration, watch: &dyn Watch) -> Result<Built> {
         let clock = Instant::now();
-        let mut defines = Vec::new();
-        for (name, value) in &plan.define {
-            let value = text(value)
-                .ok_or_else(|| Error::new(format!("define `{name}`: expected a string or a number")))?;
-            defines.push((name.clone(), value));
-        }
-        defines.extend(configuration.defines());
-        let options = LoadOptions { defines, lenient: plan.lenient, ..LoadOptions::default() };
-        let desc = load(&plan.file, &options)?;
+        let desc = load(&plan.file, &plan.load_options(configuration)?)?;
         desc.warnings.iter().for_each(|w| watch.warn(w));
         let options = BuildOptions {
             size: plan.size,

@@ -35,7 +35,7 @@ pub use image::Image;
 pub use ledger::{Ledger, Run};
 pub use metrics::{Metrics, Pair, RgbView, metrics};
 pub use plan::{
-    Budget, Configuration, Ladder, Plan, Region, ScenePlan, Seconds, SeriesPlan, Vary, scene_name,
+    Budget, Configuration, Ladder, Name, Plan, Region, ScenePlan, Seconds, SeriesPlan, Vary, scene_name,
 };
 pub use series::read_series;
 pub use statistics::{sidak_level, student_quantile};

@@ -22,6 +22,15 @@
 //! define = { resx = "64" }  # parameters of the scene file
 //! regions = { lamp = [20, 0, 24, 8], glass = "glass-mask.png" }
 //!
+//! [[scene]]                 # what is shown, when, and in which light: as `render` has it
+//! file = "scenes/gltf-table/table.glb"
+//! camera = "close"          # a name or an index, as `animation` and `variant`
+//! frame = 12                # with `fps`, 24 by default
+//! shutter = [0, 0.5]
+//! env = "sky.hdr"
+//! sun = [45, 30]            # degrees above the horizon, and round
+//! size = [320, 180]
+//!
 //! [[series]]                # pictures of another renderer
 //! scene = "cornell-box"
 //! name = "mitsuba"
@@ -38,6 +47,7 @@ use serde::Deserialize;
 
 use crate::desc::{Error, Pos, Result, nearest};
 use crate::integrator::{MOST_REUSE, reuse_named};
+use crate::load::LoadOptions;
 use crate::sampling::Sequence;
 use crate::texture::TextureFilter;
 
@@ -137,6 +147,70 @@ pub struct ScenePlan {
     /// Go on where something is not known or not there.
     #[serde(default)]
     pub lenient: bool,
+    /// Camera instead of the first.
+    pub camera: Option<Name>,
+    /// Frame to show, at the time frame / fps.
+    pub frame: Option<f64>,
+    /// Frames per second; 24 by default.
+    pub fps: Option<f64>,
+    /// When the shutter opens and closes, in frames after the frame.
+    pub shutter: Option<[f64; 2]>,
+    /// Animation of a glTF file.
+    pub animation: Option<Name>,
+    /// Material variant of a glTF file.
+    pub variant: Option<Name>,
+    /// Image of the surroundings of a glTF file.
+    pub env: Option<PathBuf>,
+    /// Sun of a glTF file: degrees above the horizon, and round.
+    pub sun: Option<[f64; 2]>,
+    /// Read files that a glTF file names outside of its own folder.
+    #[serde(default)]
+    pub allow_outside: bool,
+}
+
+/// Which of several things of a scene file.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+pub enum Name {
+    /// By its place in the file, from 0.
+    Index(u32),
+    /// By its name; digits are an index.
+    Text(String),
+}
+
+impl ScenePlan {
+    /// How the scene is loaded for a configuration.
+    ///
+    /// # Errors
+    /// A parameter that is neither text nor a number.
+    pub fn load_options(&self, configuration: &Configuration) -> Result<LoadOptions> {
+        let mut defines = Vec::new();
+        for (name, value) in &self.define {
+            let value = text(value)
+                .ok_or_else(|| Error::new(format!("define `{name}`: expected a string or a number")))?;
+            defines.push((name.clone(), value));
+        }
+        defines.extend(configuration.defines());
+        let name = |name: &Option<Name>| match name.as_ref()? {
+            Name::Index(index) => Some(index.to_string()),
+            Name::Text(text) => Some(text.clone()),
+        };
+        let usual = LoadOptions::default();
+        Ok(LoadOptions {
+            defines,
+            lenient: self.lenient,
+            camera: name(&self.camera),
+            environment: self.env.clone(),
+            sun: self.sun,
+            variant: name(&self.variant),
+            animation: name(&self.animation),
+            frame: self.frame,
+            fps: self.fps.unwrap_or(usual.fps),
+            shutter: self.shutter,
+            allow_outside: self.allow_outside,
+            ..usual
+        })
+    }
 }
 
 /// Part of a picture.
@@ -240,6 +314,29 @@ impl Configuration {
     }
 }
 
+/// Whether a key of [`KEYS`] has that value.
+fn check_value(key: &str, value: &str) -> Result<()> {
+    let (known, what, hint) = match key {
+        "sampler" => {
+            let names = Sequence::ALL.map(Sequence::name).join(", ");
+            (Sequence::named(value).is_some(), "sampler", format!("there are {names}"))
+        }
+        "texture-filter" => {
+            let hint = format!("there are {}", TextureFilter::names());
+            (TextureFilter::named(value).is_some(), "texture filter", hint)
+        }
+        "reuse" => {
+            let hint = format!("a number of pixels from 1 to {MOST_REUSE}, or auto");
+            (reuse_named(value).is_some(), "reuse", hint)
+        }
+        "max-depth" if value.parse::<i64>().is_err() => {
+            return Err(Error::new(format!("vary `max-depth`: `{value}` is no whole number")));
+        }
+        _ => return Ok(()),
+    };
+    if known { Ok(()) } else { Err(Error::new(format!("there is no {what} `{value}`")).hint(hint)) }
+}
+
 impl Plan {
     /// Reads a plan file.
     ///
@@ -273,7 +370,8 @@ impl Plan {
         let join = |path: &mut PathBuf| *path = folder.join(&*path);
         for scene in &mut self.scenes {
             join(&mut scene.file);
-            scene.reference.iter_mut().chain(&mut scene.reference_variance).for_each(join);
+            let files = scene.reference.iter_mut().chain(&mut scene.reference_variance).chain(&mut scene.env);
+            files.for_each(join);
             for region in scene.regions.values_mut() {
                 if let Region::Mask(path) = region {
                     join(path);
@@ -374,33 +472,7 @@ impl Plan {
             if values.is_empty() {
                 return Err(Error::new(format!("vary `{key}`: the list is empty")));
             }
-            if key == "sampler"
-                && let Some(bad) = values.iter().find(|v| Sequence::named(v).is_none())
-            {
-                let known = Sequence::ALL.map(Sequence::name).join(", ");
-                return Err(
-                    Error::new(format!("there is no sampler `{bad}`")).hint(format!("there are {known}"))
-                );
-            }
-            if key == "texture-filter"
-                && let Some(bad) = values.iter().find(|v| TextureFilter::named(v).is_none())
-            {
-                return Err(Error::new(format!("there is no texture filter `{bad}`"))
-                    .hint(format!("there are {}", TextureFilter::names())));
-            }
-            if key == "max-depth"
-                && let Some(bad) = values.iter().find(|v| v.parse::<i64>().is_err())
-            {
-                return Err(Error::new(format!("vary `max-depth`: `{bad}` is no whole number")));
-            }
-            if key == "reuse"
-                && let Some(bad) = values.iter().find(|v| reuse_named(v).is_none())
-            {
-                let message = format!(
-                    "vary `reuse`: `{bad}` is neither a number of pixels from 1 to {MOST_REUSE} nor auto"
-                );
-                return Err(Error::new(message));
-            }
+            values.iter().try_for_each(|value| check_value(key, value))?;
             if all.len().saturating_mul(values.len()) > MOST_RUNS {
                 return Err(Error::new(format!(
                     "what is varied combines to more than {MOST_RUNS} configurations"
@@ -506,7 +578,7 @@ fn texts(value: &toml::Value) -> Option<Vec<String>> {
 }
 
 /// A scalar as a scene file would write it.
-pub(super) fn text(value: &toml::Value) -> Option<String> {
+fn text(value: &toml::Value) -> Option<String> {
     match value {
         toml::Value::String(s) => Some(s.clone()),
         toml::Value::Integer(n) => Some(n.to_string()),
@@ -568,6 +640,42 @@ mod tests {
         );
         assert_eq!(plan.budgets().expect("two"), [Budget::Samples(4), Budget::Samples(8)]);
         assert_eq!(plan.scenes[0].name, "a");
+    }
+
+    #[test]
+    fn scenes_are_shown_as_the_plan_says() {
+        let text = r#"
+            spp = 4
+            [vary]
+            lamp = [1, 2]
+            [[scene]]
+            file = "model.glb"
+            camera = 2
+            animation = "walk"
+            variant = "red"
+            frame = 12
+            fps = 30.0
+            shutter = [0, 0.5]
+            env = "sky.hdr"
+            sun = [45, -30]
+            allow-outside = true
+            define = { resx = 8 }
+            [[scene]]
+            file = "other.glb"
+        "#;
+        let mut plan = Plan::parse(text, "plan.toml").expect("a plan");
+        plan.paths_relative_to(Path::new("plans"));
+        let configurations = plan.configurations().expect("two");
+        let options = plan.scenes[0].load_options(&configurations[1]).expect("options");
+        let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
+        assert_eq!(options.defines, [pair("resx", "8"), pair("lamp", "2")]);
+        let named = [&options.camera, &options.animation, &options.variant];
+        assert_eq!(named.map(Option::as_deref), [Some("2"), Some("walk"), Some("red")]);
+        assert_eq!((options.frame, options.fps, options.shutter), (Some(12.0), 30.0, Some([0.0, 0.5])));
+        assert_eq!((options.environment, options.sun), (Some("plans/sky.hdr".into()), Some([45.0, -30.0])));
+        assert!(options.allow_outside && !options.lenient);
+        let plain = plan.scenes[1].load_options(&configurations[0]).expect("options");
+        assert_eq!((plain.camera, plain.frame, plain.fps, plain.allow_outside), (None, None, 24.0, false));
     }
 
     #[test]

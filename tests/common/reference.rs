@@ -89,16 +89,20 @@ impl Reference {
         Reference { name: name.to_owned(), provenance, width, height, mean, variance }
     }
 
-    /// The scene it is a picture of, with the same parameters.
+    /// The scene it is a picture of, with the same parameters; where it stands as
+    /// glTF too, that file.
     pub fn scene(&self, change: impl FnOnce(&mut etendue::desc::SceneDesc)) -> Ready {
         let defines = self.provenance["defines"].as_object().expect("defines");
         let plain = |v: &Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
         let defines = defines.iter().map(|(k, v)| (k.clone(), plain(v))).collect();
-        let path = package(self.provenance["scene"].as_str().expect("a scene"));
+        let gltf = self.provenance["gltf"].as_str();
+        let path = package(gltf.unwrap_or_else(|| self.provenance["scene"].as_str().expect("a scene")));
         let options = LoadOptions { defines, ..LoadOptions::default() };
         let mut desc = load(&path, &options).unwrap_or_else(|e| panic!("{e}"));
         change(&mut desc);
-        Ready::build(&desc, None, None)
+        // A glTF file says nothing about pixels.
+        let size = gltf.map(|_| [self.width as u32, self.height as u32]);
+        Ready::sized(&desc, size)
     }
 
     /// The error asked of our side after `samples` in all.

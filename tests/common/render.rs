@@ -43,7 +43,17 @@ impl Ready {
     /// Compiles a description; panics with the message on an error.
     pub fn build(desc: &SceneDesc, integrator: Option<&str>, accel: Option<&str>) -> Ready {
         let build = BuildOptions { accel: accel.map(str::to_owned), ..BuildOptions::default() };
-        let scene = Scene::build(desc, &build).unwrap_or_else(|e| panic!("{e}"));
+        Ready::with(desc, integrator, &build)
+    }
+
+    /// With another size of the film.
+    #[allow(dead_code, reason = "not every test binary uses it")]
+    pub fn sized(desc: &SceneDesc, size: Option<[u32; 2]>) -> Ready {
+        Ready::with(desc, None, &BuildOptions { size, ..BuildOptions::default() })
+    }
+
+    fn with(desc: &SceneDesc, integrator: Option<&str>, build: &BuildOptions) -> Ready {
+        let scene = Scene::build(desc, build).unwrap_or_else(|e| panic!("{e}"));
         let choice =
             IntegratorOptions { name: integrator.map(str::to_owned), ..IntegratorOptions::default() };
         let integrator = Integrator::from_desc(desc, &choice).unwrap_or_else(|e| panic!("{e}"));
