@@ -338,6 +338,17 @@ fn a_trial_decides() {
     assert_eq!(decide("scenes/cornell-box/scene.xml", 16), None);
 }
 
+/// A first vertex in the plane of a second one: rounding made its share negative.
+#[test]
+fn in_one_plane_nothing_is_negative() {
+    let defines = [("resx", "64"), ("resy", "36")];
+    let ready = reusing(Ready::from_file("scenes/veach-ajar/scene.xml", &defines), 16, None);
+    let sequence = options(1, 0).sequence;
+    let draw = Draw { seed: 16_090_679_179_711_462_159, index: 27, sequence, layers: false };
+    let again = replay(&ready.scene, &ready.integrator, (53, 17), &draw);
+    assert!(again.bad.is_none() && again.sample.rgb.min_element() >= 0.0, "{:?}", again.sample.rgb);
+}
+
 #[test]
 fn what_cannot_share_says_so() {
     let refuses = |scene: &str, name: Option<&str>| -> String {

@@ -346,7 +346,8 @@ pub fn exchange<'s>(
             if !second.normals.iter().all(|n| n.dot(towards) < 0.0) {
                 continue;
             }
-            let wi = towards / distance_squared.sqrt();
+            let distance = distance_squared.sqrt();
+            let wi = towards / distance;
             let (f, pdf) = match first.lambertian {
                 Some((n, f)) => (f * n.dot(wi), n.dot(wi) / PI),
                 None => {
@@ -364,7 +365,8 @@ pub fn exchange<'s>(
                     continue;
                 }
             }
-            let g = -second.normals[0].dot(wi) / distance_squared;
+            // Of the vector itself: its sign is known to be right.
+            let g = -second.normals[0].dot(towards) / distance / distance_squared;
             density += pdf * g;
             room.0.push(Link { member, wi, share: f * g, density: pdf * g });
         }
