@@ -3,10 +3,10 @@
 use std::process::ExitCode;
 
 use super::args::{ExplainArgs, ReplayArgs};
-use super::{build_scene, load_scene};
+use super::{build_scene, build_to_render, load_scene};
 use crate::desc::{Error, Result};
 use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
-use crate::integrator::{AUTO_REUSE, Event};
+use crate::integrator::{AUTO_REUSE, Event, Integrator};
 use crate::math::{Rgb, Vec3};
 use crate::render::{Cause, Draw, replay as replay_path};
 use crate::sampling::replica_of;
@@ -15,9 +15,11 @@ use crate::scene::Scene;
 /// Prints the plan of a scene.
 pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
-    let (scene, integrator) = build_scene(&args.scene, &desc)?;
+    let (scene, integrator) = build_to_render(&args.scene, &desc)?;
+    let shared = shared_paths(&scene, &integrator);
     if args.json {
         let mut plan = scene.plan.to_json();
+        plan["shared_paths"] = shared.into();
         plan["film_bytes"] = Film::bytes_for(&scene.film, FILM_LAYERS, Groups::Halves).into();
         outln!("{plan:#}");
     } else {
@@ -26,8 +28,22 @@ pub fn explain(args: &ExplainArgs) -> Result<ExitCode> {
         outln!("{width} × {height}, {} spp, integrator {}", scene.samples_per_pixel, integrator.name());
         out!("{}", scene.plan);
         outln!("film: {}", film_memory(&scene));
+        outln!("shared paths: {shared}");
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Which pixels will use a path.
+fn shared_paths(scene: &Scene, integrator: &Integrator) -> String {
+    match (integrator.reuse(), integrator.reuse_obstacle(scene)) {
+        (1, None) => "none; a pixel keeps to its own".to_owned(),
+        (AUTO_REUSE, None) => {
+            "16 pixels use each other's where `render` finds that more efficient".to_owned()
+        }
+        (pixels, None) => format!("{pixels} pixels use each other's"),
+        (0 | 1, Some(what)) => format!("none; {what}"),
+        (_, Some(what)) => format!("not possible; {what}"),
+    }
 }
 
 /// The layers of a render without `--aov` that the film sums.
@@ -67,7 +83,9 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
         return Err(Error::new("whether pixels use each other's paths was decided by the render")
             .hint("--reuse with the number that it told, or 1"));
     }
-    if let Some(what) = integrator.reuse_obstacle(&scene) {
+    if integrator.reuse() > 1
+        && let Some(what) = integrator.reuse_obstacle(&scene)
+    {
         return Err(Error::new(format!("paths cannot be used by several pixels where {what}")));
     }
     let draw = Draw { seed, index: within, sequence: args.sampler, layers: true };

@@ -46,7 +46,7 @@ use std::sync::OnceLock;
 use clap::Parser;
 
 use crate::desc::{Error, Result, SceneDesc};
-use crate::integrator::{Integrator, IntegratorOptions};
+use crate::integrator::{AUTO_REUSE, Integrator, IntegratorOptions};
 use crate::scene::Scene;
 use args::{Command, Etendue, SceneArgs};
 
@@ -106,6 +106,12 @@ fn load_scene(args: &SceneArgs) -> Result<SceneDesc> {
 /// Builds what was loaded, and prints what was replaced on the way.
 fn build_scene(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)> {
     build_with(args, desc, &args.integrator_options())
+}
+
+/// As [`build_scene`], for `render`: what is left open is decided by it.
+fn build_to_render(args: &SceneArgs, desc: &SceneDesc) -> Result<(Scene, Integrator)> {
+    let options = IntegratorOptions { reuse_unsaid: Some(AUTO_REUSE), ..args.integrator_options() };
+    build_with(args, desc, &options)
 }
 
 fn build_with(

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use super::args::{Curve, RenderArgs};
 use super::progress::{Progress, interrupted};
-use super::{build_with, load_scene, warn};
+use super::{build_to_render, load_scene, warn};
 use crate::desc::{Error, Result};
 use crate::film::{Film, Groups, Picture};
-use crate::integrator::{AUTO_REUSE, Integrator, IntegratorOptions};
+use crate::integrator::Integrator;
 use crate::render::{Pilot, RenderOptions, RenderStats, Rendered, Stopped, TileOrder, render};
 use crate::save::{self, Header, Options, Tone};
 use crate::scene::Scene;
@@ -76,8 +76,7 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let desc = load_scene(&args.scene)?;
     let load = clock.elapsed().as_secs_f64();
     let clock = Instant::now();
-    let how = IntegratorOptions { reuse_unsaid: Some(AUTO_REUSE), ..args.scene.integrator_options() };
-    let (scene, integrator) = build_with(&args.scene, &desc, &how)?;
+    let (scene, integrator) = build_to_render(&args.scene, &desc)?;
     let (file_layers, renamed) = Integrator::layers_from_desc(&desc)?;
     warn(&renamed);
     let build = clock.elapsed().as_secs_f64();

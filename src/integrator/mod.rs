@@ -78,10 +78,10 @@ impl Integrator {
         }
     }
 
-    /// Why pixels cannot use each other's paths in this scene, if they are to.
+    /// Why pixels cannot use each other's paths in this scene.
     #[must_use]
     pub fn reuse_obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        let Integrator::Path(path @ Path { reuse: AUTO_REUSE | 2.., .. }) = self else { return None };
+        let Integrator::Path(path) = self else { return Some("no path is traced") };
         if scene.plan.motion {
             // They are at different times.
             return Some("something moves while the shutter is open");

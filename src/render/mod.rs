@@ -171,7 +171,7 @@ pub fn render(
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
-    if integrator.reuse() != AUTO_REUSE
+    if integrator.reuse() > 1
         && let Some(what) = integrator.reuse_obstacle(scene)
     {
         return Err(Error::new(format!("paths cannot be used by several pixels where {what}"))
