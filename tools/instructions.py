@@ -27,6 +27,7 @@ def callgrind(binary, scene, size, spp):
         data = Path(folder) / "callgrind"
         command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={data}", binary, "render", scene]
         command += ["-o", f"{folder}/out.exr", "--size", size, "--spp", str(spp), "--threads", "1", "--quiet"]
+        command += ["--reuse", "1"]  # no trial, and the same with all counts
         subprocess.run([str(part) for part in command], check=True, capture_output=True)
         command = ["callgrind_annotate", "--threshold=100", "--auto=no", data]
         text = subprocess.run([str(part) for part in command], check=True, text=True, capture_output=True).stdout

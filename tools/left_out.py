@@ -88,7 +88,7 @@ def instructions(program, scene, size, spp):
     def total(samples):
         with tempfile.TemporaryDirectory() as out:
             command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", program, "render", scene]
-            command += ["-o", f"{out}/out.exr", "--size", size, "--spp", str(samples), "--threads", "1", "--quiet"]
+            command += ["-o", f"{out}/out.exr", "--size", size, "--spp", str(samples), "--threads", "1", "--quiet", "--reuse", "1"]
             run = subprocess.run([str(part) for part in command], check=True, capture_output=True, text=True)
         return int(re.search(r"Collected : (\d+)", run.stderr)[1])
 
