@@ -8,7 +8,7 @@ use crate::desc::{Error, Result};
 use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
 use crate::integrator::{AUTO_REUSE, Event, Integrator};
 use crate::math::{Rgb, Vec3};
-use crate::render::{Cause, Draw, replay as replay_path};
+use crate::render::{Cause, Draw, Pilot, replay as replay_path};
 use crate::sampling::replica_of;
 use crate::scene::Scene;
 
@@ -38,7 +38,7 @@ fn shared_paths(scene: &Scene, integrator: &Integrator) -> String {
     match (integrator.reuse(), integrator.reuse_obstacle(scene)) {
         (1, None) => "none; a pixel keeps to its own".to_owned(),
         (AUTO_REUSE, None) => {
-            "16 pixels use each other's where `render` finds that more efficient".to_owned()
+            format!("{} pixels use each other's where `render` finds that more efficient", Pilot::GROUP)
         }
         (pixels, None) => format!("{pixels} pixels use each other's"),
         (0 | 1, Some(what)) => format!("none; {what}"),
@@ -83,11 +83,7 @@ pub fn replay(args: &ReplayArgs) -> Result<ExitCode> {
         return Err(Error::new("whether pixels use each other's paths was decided by the render")
             .hint("--reuse with the number that it told, or 1"));
     }
-    if integrator.reuse() > 1
-        && let Some(what) = integrator.reuse_obstacle(&scene)
-    {
-        return Err(Error::new(format!("paths cannot be used by several pixels where {what}")));
-    }
+    integrator.check_reuse(&scene)?;
     let draw = Draw { seed, index: within, sequence: args.sampler, layers: true };
     let path = replay_path(&scene, &integrator, args.pixel, &draw);
     let world = |p: Vec3| (p.as_dvec3() + scene.recentre).as_vec3();

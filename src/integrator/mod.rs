@@ -21,6 +21,7 @@ pub use reuse::{Lender, Links, exchange};
 pub use whitted::Whitted;
 
 use crate::color::Hue;
+use crate::desc::{Error, Result};
 use crate::film::{PixelSample, Scale};
 use crate::light::LightSample;
 use crate::material::Scatter;
@@ -93,6 +94,18 @@ impl Integrator {
         // What is seen through stands in the densities of scattered rays.
         (path.see_through && (scene.plan.alpha || scene.has_media()))
             .then_some("`volpath` sees through surfaces or media")
+    }
+
+    /// # Errors
+    /// Pixels are to use each other's paths where they cannot.
+    pub fn check_reuse(&self, scene: &Scene) -> Result<()> {
+        match self.reuse_obstacle(scene) {
+            Some(what) if self.reuse() > 1 => {
+                let message = format!("paths cannot be used by several pixels where {what}");
+                Err(Error::new(message).hint("leave out `reuse`"))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// What is left out of the rendering equation, for the file header.

@@ -264,11 +264,13 @@ impl<'s> Lender<'s> {
         let Listener { before, scale, at, .. } = listener;
         if let Some(second) = &mut self.second {
             let found = if scale > 0.0 { sample.rgb / scale } else { Rgb::ZERO };
+            // Shows what is not finite, wherever it came in.
+            let mut whole = found;
             sample.rgb = before;
             match &mut second.parts {
                 None => second.radiance = found,
                 Some(parts) => {
-                    second.radiance = Rgb::ZERO;
+                    whole += parts.own;
                     for light in &parts.lights {
                         second.radiance += light.radiance;
                     }
@@ -285,9 +287,10 @@ impl<'s> Lender<'s> {
                     }
                 }
             }
-            if !second.radiance.is_finite() {
+            whole += second.radiance;
+            if !whole.is_finite() {
                 // Only this sample is bad.
-                sample.rgb += second.radiance;
+                sample.rgb += whole;
                 self.second = None;
             } else if second.radiance == Rgb::ZERO {
                 self.second = None;

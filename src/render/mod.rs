@@ -171,12 +171,7 @@ pub fn render(
         );
         return Err(Error::new(message).hint("`path` can, and `direct` with bsdf samples"));
     }
-    if integrator.reuse() > 1
-        && let Some(what) = integrator.reuse_obstacle(scene)
-    {
-        return Err(Error::new(format!("paths cannot be used by several pixels where {what}"))
-            .hint("leave out `reuse`"));
-    }
+    integrator.check_reuse(scene)?;
     memory::check_room(&scene.film, options.layers, Groups::of_replicas(options.replicas))?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.threads)

@@ -15,8 +15,6 @@ use crate::math::DVec3;
 use crate::sampling::Sequence;
 use crate::scene::Scene;
 
-/// Pixels of a group, if there are any.
-const GROUP: u32 = 16;
 /// Independent sets of each pixel, and samples in each.
 const SETS: u64 = 4;
 const SAMPLES: u64 = 8;
@@ -42,6 +40,9 @@ pub struct Pilot {
 }
 
 impl Pilot {
+    /// Pixels of a group, if there are any.
+    pub const GROUP: u32 = 16;
+
     /// Tries both; nothing where the render is too small for that.
     pub fn run(
         scene: &Scene,
@@ -58,7 +59,7 @@ impl Pilot {
             return None;
         }
         let tiles: Vec<Rect> = (0..count).map(|k| all[(2 * k + 1) * all.len() / (2 * count)]).collect();
-        let [alone, shared] = [1, GROUP].map(|reuse| {
+        let [alone, shared] = [1, Pilot::GROUP].map(|reuse| {
             let path = Path { reuse, ..*path };
             tiles
                 .par_iter()
@@ -76,7 +77,7 @@ impl Pilot {
     /// Pixels in a group: what is more efficient.
     pub fn pixels(&self) -> u32 {
         // So written that no number at all is no reason to share.
-        if self.gain > WORTH * self.work { GROUP } else { 1 }
+        if self.gain > WORTH * self.work { Pilot::GROUP } else { 1 }
     }
 }
 
