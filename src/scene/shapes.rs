@@ -38,12 +38,21 @@ const FREE_INSTANCES: usize = 1 << 20;
 const INSTANCES_PER_OBJECT: usize = 1024;
 
 /// What a group holds.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct GroupContents {
     /// Its own shapes, as a part of the geometry.
     part: Option<u32>,
     /// Other groups in it, and where they are.
     nested: Vec<(Arc<GroupContents>, Motion)>,
+    /// Instances that one of it amounts to.
+    instances: usize,
+}
+
+impl GroupContents {
+    fn new(part: Option<u32>, nested: Vec<(Arc<GroupContents>, Motion)>) -> GroupContents {
+        let below = nested.iter().fold(0, |sum: usize, (inner, _)| sum.saturating_add(inner.instances));
+        GroupContents { instances: below.saturating_add(usize::from(part.is_some())), part, nested }
+    }
 }
 
 /// Shapes of one list, by how they are built.
@@ -75,8 +84,9 @@ impl Builder<'_> {
         for id in sorted.instances {
             placed.push(self.instance(id)?);
         }
+        self.check_instances(placed.iter().map(|(contents, _)| contents.instances))?;
         for (contents, motion) in placed {
-            self.place(&contents, &motion.map(|m| to_scene.after(m)))?;
+            self.place(&contents, &motion.map(|m| to_scene.after(m)));
         }
         Ok(())
     }
@@ -121,7 +131,7 @@ impl Builder<'_> {
         self.in_group = Some(part);
         self.shape(id, None)?;
         self.in_group = None;
-        Ok((Arc::new(GroupContents { part: Some(part), nested: Vec::new() }), motion))
+        Ok((Arc::new(GroupContents::new(Some(part), Vec::new())), motion))
     }
 
     /// The contents of a `shapegroup`, built once.
@@ -140,26 +150,26 @@ impl Builder<'_> {
                 .error(self.desc.object(*inner).pos, "a `shapegroup` cannot stand in another")
                 .hint("put an `instance` of it there"));
         }
-        let mut contents = GroupContents::default();
+        let (mut part, mut nested) = (None, Vec::new());
         for id in sorted.moving {
-            contents.nested.push(self.moving_shape(id)?);
+            nested.push(self.moving_shape(id)?);
         }
         for id in sorted.instances {
             let inner = self.instance(id)?;
             // Each that is kept leads to primitives, so that placing them ends.
-            if inner.0.part.is_some() || !inner.0.nested.is_empty() {
-                contents.nested.push(inner);
+            if inner.0.instances > 0 {
+                nested.push(inner);
             }
         }
         if !sorted.still.is_empty() {
-            contents.part = Some(self.geometry.begin_group());
-            self.in_group = contents.part;
+            part = Some(self.geometry.begin_group());
+            self.in_group = part;
             for id in sorted.still {
                 self.shape(id, Some(&Transform::IDENTITY))?;
             }
             self.in_group = None;
         }
-        let contents = Arc::new(contents);
+        let contents = Arc::new(GroupContents::new(part, nested));
         self.groups.insert(id, contents.clone());
         Ok(contents)
     }
@@ -186,24 +196,27 @@ impl Builder<'_> {
         Ok((self.group(group)?, motion))
     }
 
+    /// Refuses groups in groups that multiply to more instances than a file of
+    /// this size can mean.
+    fn check_instances(&self, placed: impl Iterator<Item = usize>) -> Result<()> {
+        let by_size = self.desc.objects.len().saturating_mul(INSTANCES_PER_OBJECT);
+        let most = by_size.clamp(FREE_INSTANCES, MAX_INSTANCES);
+        if placed.fold(0, usize::saturating_add) > most {
+            let message = format!("groups in groups multiply to more than {most} instances");
+            return Err(self.desc.params(self.desc.root).error(message));
+        }
+        Ok(())
+    }
+
     /// Adds the instances that a placed group amounts to.
-    fn place(&mut self, contents: &GroupContents, motion: &Motion) -> Result<()> {
+    fn place(&mut self, contents: &GroupContents, motion: &Motion) {
         if let Some(part) = contents.part {
             self.plan.instances += 1;
-            let by_size = self.desc.objects.len().saturating_mul(INSTANCES_PER_OBJECT);
-            let most = by_size.clamp(FREE_INSTANCES, MAX_INSTANCES);
-            if self.plan.instances > most {
-                return Err(self
-                    .desc
-                    .params(self.desc.root)
-                    .error(format!("groups in groups multiply to more than {most} instances")));
-            }
             self.geometry.add_instance(part, motion.clone());
         }
         for (inner, inner_motion) in &contents.nested {
-            self.place(inner, &motion.after(inner_motion))?;
+            self.place(inner, &motion.after(inner_motion));
         }
-        Ok(())
     }
 
     /// Adds a shape with its material and its light. `space` goes after its

@@ -465,7 +465,8 @@ impl Plan {
     /// # Errors
     /// Values that are no list, or empty, or unknown samplers.
     pub fn configurations(&self) -> Result<Vec<Configuration>> {
-        let mut all = vec![Configuration { settings: Vec::new() }];
+        let mut count: usize = 1;
+        let mut varied = Vec::new();
         for (key, values) in &self.vary {
             let values = texts(values)
                 .ok_or_else(|| Error::new(format!("vary `{key}`: expected a list of strings or numbers")))?;
@@ -473,21 +474,20 @@ impl Plan {
                 return Err(Error::new(format!("vary `{key}`: the list is empty")));
             }
             values.iter().try_for_each(|value| check_value(key, value))?;
-            if all.len().saturating_mul(values.len()) > MOST_RUNS {
-                return Err(Error::new(format!(
-                    "what is varied combines to more than {MOST_RUNS} configurations"
-                )));
-            }
-            all = all
-                .into_iter()
-                .flat_map(|c| {
-                    values.iter().map(move |v| {
-                        let mut settings = c.settings.clone();
-                        settings.push((key.clone(), v.clone()));
-                        Configuration { settings }
-                    })
-                })
-                .collect();
+            count = count.saturating_mul(values.len());
+            varied.push((key, values));
+        }
+        if count > MOST_RUNS {
+            let message = format!("what is varied combines to more than {MOST_RUNS} configurations");
+            return Err(Error::new(message));
+        }
+        let mut all = vec![Configuration { settings: Vec::new() }];
+        for (key, values) in varied {
+            let with = |c: &Configuration, value: &String| {
+                let settings = c.settings.iter().cloned().chain([(key.clone(), value.clone())]).collect();
+                Configuration { settings }
+            };
+            all = all.iter().flat_map(|c| values.iter().map(|value| with(c, value))).collect();
         }
         Ok(all)
     }
