@@ -271,18 +271,30 @@ fn the_error_is_known() {
 
 #[test]
 fn threads_crops_and_replicas_change_nothing() {
+    nothing_changes(72, 56, 5, &[0, 3]);
+}
+
+/// Of a larger picture the blocks are larger.
+#[test]
+fn nor_do_they_where_blocks_are_large() {
+    nothing_changes(264, 200, 1, &[0]);
+}
+
+fn nothing_changes(width: usize, height: usize, spp: u64, replicas: &[u32]) {
     let scene = "scenes/teapot-dof/scene.xml";
     let desc = {
-        let defines = [("resx", "72"), ("resy", "56")].map(|(k, v)| (k.to_owned(), v.to_owned()));
+        let defines = [("resx", width), ("resy", height)].map(|(k, v)| (k.to_owned(), v.to_string()));
         load(&package(scene), &LoadOptions { defines: defines.to_vec(), ..LoadOptions::default() }).unwrap()
     };
     let whole = reusing(Ready::build(&desc, None, None), 16, None);
-    let crop = BuildOptions { crop: Some([13, 9, 30, 21]), ..BuildOptions::default() };
+    let [x0, y0] = [width / 5, height / 6];
+    let crop = [x0 as u32, y0 as u32, 30, 21];
+    let crop = BuildOptions { crop: Some(crop), ..BuildOptions::default() };
     let part = Ready { scene: Scene::build(&desc, &crop).unwrap(), integrator: whole.integrator.clone() };
-    let mut options = options(5, 3);
+    let mut options = options(spp, 3);
     options.layers = LayerSet::ALL;
-    for replicas in [0, 3] {
-        options.replicas = replicas;
+    for replicas in replicas {
+        options.replicas = *replicas;
         (options.threads, options.order) = (1, TileOrder::CentreOut);
         let all = whole.render(&options).film.resolve();
         (options.threads, options.order) = (5, TileOrder::Shuffled(9));
@@ -293,7 +305,7 @@ fn threads_crops_and_replicas_change_nothing() {
                 let (x, y) = (i % 30, i / 30);
                 assert_eq!(
                     value.to_bits(),
-                    all[(y + 9) * 72 + x + 13].to_bits(),
+                    all[(y + y0) * width + x + x0].to_bits(),
                     "{} at {x},{y}",
                     channel.name
                 );
@@ -331,10 +343,10 @@ fn a_trial_decides() {
     };
     let room = decide("scenes/cornell-box/scene.xml", 1 << 20).expect("a trial");
     println!("{room:?}");
-    assert!(room.pixels() == 16 && room.gain > 3.0 && (1.3..2.5).contains(&room.work), "{room:?}");
+    assert!(room.pixels >= 16 && room.gain > 3.0 && (1.3..2.5).contains(&room.work), "{room:?}");
     let outside = decide("scenes/teapot-env/scene.xml", 1 << 20).expect("a trial");
     println!("{outside:?}");
-    assert!(outside.pixels() == 1 && outside.gain < 1.4, "{outside:?}");
+    assert!(outside.pixels == 1 && outside.gain < 1.4, "{outside:?}");
     assert_eq!(decide("scenes/cornell-box/scene.xml", 16), None);
 }
 

@@ -8,7 +8,7 @@ use crate::desc::{Error, Result};
 use crate::film::{Film, FilmSpec, Groups, LayerSet, PixelSample};
 use crate::integrator::{AUTO_REUSE, Event, Integrator};
 use crate::math::{Rgb, Vec3};
-use crate::render::{Cause, Draw, Pilot, replay as replay_path};
+use crate::render::{Cause, Draw, replay as replay_path};
 use crate::sampling::replica_of;
 use crate::scene::Scene;
 
@@ -38,7 +38,8 @@ fn shared_paths(scene: &Scene, integrator: &Integrator) -> String {
     match (integrator.reuse(), integrator.reuse_obstacle(scene)) {
         (1, None) => "none; a pixel keeps to its own".to_owned(),
         (AUTO_REUSE, None) => {
-            format!("{} pixels use each other's where `render` finds that more efficient", Pilot::GROUP)
+            "16, 32 or 64 pixels use each other's, or none: what a trial of `render` finds most efficient"
+                .to_owned()
         }
         (pixels, None) => format!("{pixels} pixels use each other's"),
         (0 | 1, Some(what)) => format!("none; {what}"),

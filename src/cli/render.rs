@@ -104,11 +104,9 @@ fn still(args: &RenderArgs) -> Result<ExitCode> {
     let progress = Progress::new(args.quiet, options.time, open_ended);
     let Rendered { film, stats } = render(&scene, &integrator, &options, &progress)?;
     progress.finish();
-    if let Some(Pilot { gain, work }) = stats.pilot.filter(|_| !args.quiet) {
-        let how = if stats.reuse > 1 { "use" } else { "do not use" };
-        say!(
-            "pixels {how} each other's paths: {gain:.1} times less noise for {work:.1} times the work, by a trial"
-        );
+    if let Some(Pilot { pixels, gain, work }) = stats.pilot.filter(|_| !args.quiet) {
+        let who = if pixels > 1 { format!("{pixels} pixels use") } else { "pixels do not use".to_owned() };
+        say!("{who} each other's paths: {gain:.1} times less noise for {work:.1} times the work, by a trial");
     }
     let mut header = header(&scene, &integrator, &stats, &options, &origin);
     header.attributes.extend(args.scene.stage.time().map(|time| ("etendue/time".to_owned(), time)));

@@ -204,14 +204,20 @@ impl Film {
     /// The tiles of a pass, row by row: together they are the sample bounds.
     #[must_use]
     pub fn tiles(&self) -> Vec<Rect> {
+        self.tiles_of(TILE_SIZE)
+    }
+
+    /// The same, with tiles of another size.
+    #[must_use]
+    pub fn tiles_of(&self, side: i32) -> Vec<Rect> {
         let bounds = self.sample_bounds();
         let starts = |min: i32, max: i32| {
-            (min.div_euclid(TILE_SIZE)..).map(|k| k * TILE_SIZE).take_while(move |start| *start < max)
+            (min.div_euclid(side)..).map(move |k| k * side).take_while(move |start| *start < max)
         };
         let mut tiles = Vec::new();
         for y in starts(bounds.min.1, bounds.max.1) {
             for x in starts(bounds.min.0, bounds.max.0) {
-                tiles.push(Rect::new(x, y, TILE_SIZE as u32, TILE_SIZE as u32).intersect(&bounds));
+                tiles.push(Rect::new(x, y, side as u32, side as u32).intersect(&bounds));
             }
         }
         tiles

@@ -39,26 +39,66 @@ use smallvec::SmallVec;
 use super::{CameraSample, Counters, Event, Path, Record};
 use crate::film::PixelSample;
 use crate::material::Scatter;
-use crate::math::{Rgb, Vec3};
+use crate::math::{Bounds, Ray, Rgb, Vec3, gamma, offset_origin};
 use crate::sampling::power_heuristic;
 use crate::scene::{Interaction, Scene};
-use crate::shape::{ShapeSample, SurfacePoint};
+use crate::shape::SurfacePoint;
 
 /// The first vertex of a path that light can be connected to.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct First {
-    surface: SurfacePoint,
+    p: Vec3,
+    /// Geometric normal, and where rays begin that leave on its side and on the other.
+    ng: Vec3,
+    origins: [Vec3; 2],
+    /// The primitive that these leave out, and its instance.
+    skip: [u32; 2],
     wo: Vec3,
     beta: Rgb,
     bounce: u32,
+    /// What it lies on and how that is turned: shape, side and the nearest axes.
+    like: u64,
     /// Normal and β·ρ/π where it reflects by Lambert's law, and wo lies above.
     lambertian: Option<(Vec3, Rgb)>,
 }
 
+impl First {
+    fn new(hit: &Interaction, beta: Rgb, bounce: u32) -> First {
+        let SurfacePoint { p, ng, ns, shape, .. } = *hit.surface;
+        let n = if ns.dot(hit.wo) < 0.0 { -ns } else { ns };
+        let axis = |x: f32| if x > 0.5 { 1 } else { 2 * u64::from(x < -0.5) };
+        let turned = axis(n.x) + 3 * axis(n.y) + 9 * axis(n.z);
+        let [above, below] = [ng, -ng].map(|dir| hit.surface.spawn(dir));
+        let above_it = |(n, rho): (Vec3, Rgb)| (n.dot(hit.wo) > 0.0).then_some((n, beta * rho / PI));
+        First {
+            p,
+            ng,
+            origins: [above.origin, below.origin],
+            skip: [above.skip, above.skip_instance],
+            wo: hit.wo,
+            beta,
+            bounce,
+            like: (u64::from(shape) << 5) | turned,
+            lambertian: hit.scatter.as_lambertian().and_then(above_it),
+        }
+    }
+
+    /// The shadow ray to the end of one to a second vertex.
+    fn ray_to(&self, towards: Vec3, end: Vec3, skip_end: u32) -> Ray {
+        let origin = self.origins[usize::from(towards.dot(self.ng) < 0.0)];
+        let [skip, skip_instance] = self.skip;
+        // Nothing moves.
+        Ray { origin, dir: end - origin, t_max: 1.0, time: 0.0, skip, skip_end, skip_instance }
+    }
+}
+
 /// A second vertex and what it reflects.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Second {
-    target: ShapeSample,
+    p: Vec3,
+    p_error: Vec3,
+    /// The primitive that rays to it leave out.
+    skip: u32,
     /// Geometric normal, shading normal and that of its lobes, towards where the path came from.
     normals: [Vec3; 3],
     /// Throughput there.
@@ -69,8 +109,27 @@ struct Second {
     parts: Option<Parts>,
 }
 
+impl Second {
+    /// Where shadow rays end that come from a box on the side of its normals: outside of its
+    /// own error box, which includes the rounding of the way ([`SurfacePoint::spawn_to`]).
+    fn end(&self, from: &Bounds) -> Vec3 {
+        let farthest = (self.p - from.min).abs().max((self.p - from.max).abs());
+        let [ng, ..] = self.normals;
+        offset_origin(self.p, self.p_error + farthest * gamma(3), ng, ng)
+    }
+
+    /// What the pixel gets by it whose path found it.
+    fn own(&self) -> Rgb {
+        let reflected = match &self.parts {
+            None => self.radiance,
+            Some(Parts { own, onward, .. }) => *own + onward.as_ref().map_or(Rgb::ZERO, Onward::own),
+        };
+        self.beta * reflected
+    }
+}
+
 /// What arrives at a second vertex and is reflected.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Parts {
     lights: SmallVec<[LightThere; 2]>,
     /// What the pixel got by them whose path found the vertex.
@@ -79,7 +138,7 @@ struct Parts {
 }
 
 /// A light sample at a second vertex.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct LightThere {
     wi: Vec3,
     pdf: f32,
@@ -89,7 +148,7 @@ struct LightThere {
 }
 
 /// The direction sampled at a second vertex.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Onward {
     wi: Vec3,
     /// f·|cos θ| / pdf as the pixel sees it that the path began in.
@@ -113,12 +172,12 @@ impl Onward {
 }
 
 /// A path whose second vertex may be used by others.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Lender<'s> {
     first: Option<First>,
     second: Option<Second>,
-    /// Of the two vertices.
-    scatter: [Scatter<'s>; 2],
+    /// Of the two vertices where Lambert's law does not tell. Apart, since it is large.
+    scatter: Box<[Scatter<'s>; 2]>,
     /// What the pixel sees.
     pub sample: PixelSample,
 }
@@ -202,11 +261,11 @@ impl<'s, R: Record<'s>> Record<'s> for Listener<'_, 's, R> {
     fn meet(&mut self, hit: &Interaction<'_, 's>, bounce: u32, after_delta: bool, of: (&mut Rgb, &mut Rgb)) {
         let Some(first) = &self.lender.first else {
             if hit.scatter.has_smooth() {
-                self.lender.scatter[0].clone_from(hit.scatter);
-                let (wo, beta) = (hit.wo, *of.0);
-                let above = |(n, rho): (Vec3, Rgb)| (n.dot(wo) > 0.0).then_some((n, beta * rho / PI));
-                let lambertian = hit.scatter.as_lambertian().and_then(above);
-                self.lender.first = Some(First { surface: *hit.surface, wo, beta, bounce, lambertian });
+                let first = First::new(hit, *of.0, bounce);
+                if first.lambertian.is_none() {
+                    self.lender.scatter[0].clone_from(hit.scatter);
+                }
+                self.lender.first = Some(first);
             }
             return;
         };
@@ -217,21 +276,12 @@ impl<'s, R: Record<'s>> Record<'s> for Listener<'_, 's, R> {
                 if !lambertian {
                     self.lender.scatter[1].clone_from(hit.scatter);
                 }
-                let SurfacePoint { p, p_error, ng, ns, uv, prim, instance, planar, .. } = *hit.surface;
+                let SurfacePoint { p, p_error, ng, ns, prim, planar, .. } = *hit.surface;
                 let towards = |n: Vec3| if n.dot(hit.wo) < 0.0 { -n } else { n };
                 self.lender.second = Some(Second {
-                    target: ShapeSample {
-                        p,
-                        p_error,
-                        n,
-                        ng,
-                        uv,
-                        wi: -hit.wo,
-                        prim,
-                        instance,
-                        pdf: 1.0,
-                        planar,
-                    },
+                    p,
+                    p_error,
+                    skip: if planar { prim } else { Ray::NO_SKIP },
                     normals: [ng, ns, n].map(towards),
                     beta: *of.0,
                     radiance: Rgb::ZERO,
@@ -299,22 +349,27 @@ impl<'s> Lender<'s> {
         self.sample = sample;
     }
 
+    /// What the pixel sees by its own path alone.
+    #[must_use]
+    pub fn alone(&self) -> Rgb {
+        self.sample.rgb + self.second.as_ref().map_or(Rgb::ZERO, Second::own)
+    }
+
     /// The number of mirrors and panes before the first vertex, if there is one, and a number
     /// for what it lies on and how that is turned: shape, side and the nearest axes.
     #[must_use]
     pub fn kind(&self) -> Option<(u32, u64)> {
-        self.first.as_ref().map(|First { surface, wo, bounce, .. }| {
-            let n = if surface.ns.dot(*wo) < 0.0 { -surface.ns } else { surface.ns };
-            let axis = |x: f32| if x > 0.5 { 1 } else { 2 * u64::from(x < -0.5) };
-            let turned = axis(n.x) + 3 * axis(n.y) + 9 * axis(n.z);
-            (*bounce, (u64::from(surface.shape) << 5) | turned)
-        })
+        self.first.as_ref().map(|first| (first.bounce, first.like))
     }
 }
 
 /// Room for the connections of one second vertex.
 #[derive(Debug, Default)]
-pub struct Links(Vec<Link>);
+pub struct Links {
+    links: Vec<Link>,
+    /// Bsdfs evaluated so far, but for those that are a product of two vectors.
+    pub evaluations: u64,
+}
 
 /// A first vertex that sees a second one.
 #[derive(Debug)]
@@ -337,14 +392,16 @@ pub fn exchange<'s>(
     room: &mut Links,
     counters: &mut Counters,
 ) {
+    let bounds = Bounds::of_points(group.iter().filter_map(|i| all[*i].first.as_ref()).map(|first| first.p));
     for &owner in group {
         let Some(second) = &all[owner].second else { continue };
+        let end = second.end(&bounds);
         let mut density = 0.0;
-        room.0.clear();
+        room.links.clear();
         for &member in group {
             let lender = &all[member];
             let Some(first) = &lender.first else { continue };
-            let towards = second.target.p - first.surface.p;
+            let towards = second.p - first.p;
             let distance_squared = towards.length_squared();
             if !second.normals.iter().all(|n| n.dot(towards) < 0.0) {
                 continue;
@@ -354,6 +411,7 @@ pub fn exchange<'s>(
             let (f, pdf) = match first.lambertian {
                 Some((n, f)) => (f * n.dot(wi), n.dot(wi) / PI),
                 None => {
+                    room.evaluations += 1;
                     let (f, pdf) = lender.scatter[0].eval_pdf(first.wo, wi);
                     (first.beta * f, pdf)
                 }
@@ -364,41 +422,45 @@ pub fn exchange<'s>(
             }
             if member != owner {
                 counters.shadow_rays += 1;
-                if scene.occluded(&first.surface.spawn_to(&second.target)) {
+                if scene.occluded(&first.ray_to(towards, end, second.skip)) {
                     continue;
                 }
             }
             // Of the vector itself: its sign is known to be right.
             let g = -second.normals[0].dot(towards) / distance / distance_squared;
             density += pdf * g;
-            room.0.push(Link { member, wi, share: f * g, density: pdf * g });
+            room.links.push(Link { member, wi, share: f * g, density: pdf * g });
         }
         // Else rounding has turned the direction away from where it was sampled.
         let usable = density > 0.0 && density.is_finite();
         let Some(second) = all[owner].second.take() else { continue };
         if usable {
-            for link in &mut room.0 {
+            for link in &mut room.links {
                 link.share /= density;
                 link.density /= density;
             }
         }
         match &second.parts {
             None if usable => {
-                for link in &room.0 {
+                for link in &room.links {
                     all[link.member].sample.rgb += link.share * second.radiance;
                 }
             }
-            None => all[owner].sample.rgb += second.beta * second.radiance,
-            Some(parts) if usable => parts.share(all, owner, &room.0, second.beta),
-            Some(Parts { own, onward, .. }) => {
-                let onward = onward.as_ref().map_or(Rgb::ZERO, Onward::own);
-                all[owner].sample.rgb += second.beta * (*own + onward);
+            Some(parts) if usable => {
+                room.evaluations += (parts.directions() * room.links.len()) as u64;
+                parts.share(all, owner, &room.links, second.beta);
             }
+            _ => all[owner].sample.rgb += second.own(),
         }
     }
 }
 
 impl Parts {
+    /// Directions for which its bsdf is evaluated, for every link.
+    fn directions(&self) -> usize {
+        self.lights.len() + usize::from(self.onward.is_some())
+    }
+
     /// Adds to the pixels of all links what a second vertex reflects towards them; `beta` is the
     /// throughput of the pixel that found it.
     fn share(&self, all: &mut [Lender], owner: usize, links: &[Link], beta: Rgb) {

@@ -31,7 +31,7 @@ use rayon::prelude::*;
 
 use self::block::Block;
 use crate::desc::{Error, Result};
-use crate::film::{Film, Groups, LayerSet, MAX_REPLICAS, PixelSample, Rect, RelativeError, Tile};
+use crate::film::{Film, Groups, LayerSet, MAX_REPLICAS, PixelSample, Rect, RelativeError, TILE_SIZE, Tile};
 use crate::integrator::{AUTO_REUSE, CameraSample, Counters, Integrator, NoRecord, Path};
 use crate::math::Vec2;
 use crate::sampling::{Sampler, Sequence, replica_of};
@@ -204,7 +204,7 @@ fn decide(scene: &Scene, integrator: &Integrator, options: &RenderOptions) -> (I
     }
     let film = Film::new(scene.film.clone(), LayerSet::default(), 1.0);
     let pilot = Pilot::run(scene, &alone, &film, options.samples_per_pixel, (options.seed, options.sequence));
-    let reuse = pilot.map_or(1, |pilot| pilot.pixels());
+    let reuse = pilot.map_or(1, |pilot| pilot.pixels);
     (Integrator::Path(Path { reuse, ..alone }), pilot)
 }
 
@@ -234,7 +234,8 @@ impl<'a> Job<'a> {
         let scale = integrator.radiance_scale(scene);
         let film = Film::grouped(scene.film.clone(), options.layers, scale, groups)
             .with_shared_noise(integrator.reuse());
-        let mut tiles = film.tiles();
+        let side = if integrator.reuse() > 1 { Block::side(&scene.film) } else { TILE_SIZE };
+        let mut tiles = film.tiles_of(side);
         pass::order(&mut tiles, options.order);
         let pixels: u64 = tiles.iter().map(|t| t.area() as u64).sum();
         Job {

@@ -1,15 +1,16 @@
-//! Whether pixels are to use each other's paths: tried out on a few tiles.
+//! How many pixels are to use each other's paths, if any: tried out on a few tiles.
 //!
-//! A few tiles are rendered both ways, with numbers that the picture does not use, so that the
-//! decision is independent of all samples of it. Noise is the scatter of four short independent
-//! sets of each pixel, relative as in [`crate::film::RelativeError`], without the hundredth of the pixels
-//! where it is largest: a firefly must not decide. Work is counted, not timed: the same
-//! render decides the same on any machine.
+//! Their paths are traced with numbers that the picture does not use, so that the decision is
+//! independent of all samples of it, and are then used by one pixel each, in small groups and in
+//! large ones; what lies between follows from these. Noise is the scatter of four short
+//! independent sets of each pixel, relative as in [`crate::film::RelativeError`], without the
+//! hundredth of the pixels where it is largest: a firefly must not decide. Work is counted, not
+//! timed: the same render decides the same on any machine.
 
 use rayon::prelude::*;
 
 use super::block::{Block, Draw};
-use crate::film::{Film, Rect};
+use crate::film::{Film, Rect, TILE_SIZE};
 use crate::integrator::{Counters, NoRecord, Path};
 use crate::math::DVec3;
 use crate::sampling::Sequence;
@@ -22,28 +23,34 @@ const SAMPLES: u64 = 8;
 const TILES: usize = 16;
 /// The pilot takes at most one in this many of all samples.
 const SHARE: u64 = 16;
-/// What a connection costs, in rays of a path: its shadow ray is short, and no bsdf or light is
-/// sampled. Between 0.35 and 0.95 in the scenes of this repository.
-const CONNECTION: f64 = 0.6;
-/// What the efficiency must gain before pixels share their noise.
+/// What sharing costs, in rays of a path with all that belongs to them: for each path, for each
+/// shadow ray, and for each bsdf that is evaluated. From counts of instructions on six scenes of this
+/// repository; what follows from them is within 15 % of what these took.
+const EACH_PATH: f64 = 0.5;
+const EACH_RAY: f64 = 0.27;
+const EACH_EVALUATION: f64 = 0.17;
+/// What the efficiency must gain before pixels share their noise, or twice as many do.
 const WORTH: f64 = 1.1;
+/// Pixels of the groups that are tried: powers of two.
+const GROUPS: [u32; 2] = [16, 64];
+/// What a traced path costs with all connections that are tried, in paths: about.
+const COST: u64 = 2;
 /// Makes seeds that no render has.
 const ASIDE: u64 = 0x7069_6c6f_7400_0000;
 
 /// What the pilot found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pilot {
-    /// Variance without over variance with shared paths.
+    /// Pixels of a group; 1 if none is worth it.
+    pub pixels: u32,
+    /// Variance without over variance with shared paths, for these groups or for the smallest.
     pub gain: f64,
     /// Work with over work without.
     pub work: f64,
 }
 
 impl Pilot {
-    /// Pixels of a group, if there are any.
-    pub const GROUP: u32 = 16;
-
-    /// Tries both; nothing where the render is too small for that.
+    /// Tries; nothing where the render is too small for that.
     pub fn run(
         scene: &Scene,
         path: &Path,
@@ -52,58 +59,78 @@ impl Pilot {
         (seed, sequence): (u64, Sequence),
     ) -> Option<Pilot> {
         let all = film.tiles();
-        let each = all.iter().map(|t| t.area() as u64).max()? * SETS * SAMPLES * 2;
+        let each = all.iter().map(|t| t.area() as u64).max()? * SETS * SAMPLES * COST;
         let total = all.iter().map(|t| t.area() as u64).sum::<u64>().saturating_mul(samples);
         let count = ((total / SHARE / each) as usize).min(TILES).min(all.len());
         if count == 0 {
             return None;
         }
         let tiles: Vec<Rect> = (0..count).map(|k| all[(2 * k + 1) * all.len() / (2 * count)]).collect();
-        let [alone, shared] = [1, Pilot::GROUP].map(|reuse| {
-            let path = Path { reuse, ..*path };
-            tiles
-                .par_iter()
-                .map_init(|| Block::new(scene, &path), |block, tile| Trial::run(block, tile, seed, sequence))
-                .reduce(Trial::default, Trial::join)
-        });
-        let rays = |trial: &Trial| trial.counters.rays() as f64;
-        Some(Pilot {
-            // Both relative to the better known of the two means.
-            gain: alone.noise(&shared) / shared.noise(&shared),
-            work: 1.0 + CONNECTION * (rays(&shared) - rays(&alone)) / rays(&alone),
-        })
+        let path = Path { reuse: GROUPS[0], ..*path };
+        let trial = tiles
+            .par_iter()
+            .map_init(
+                || Block::of_side(scene, &path, TILE_SIZE),
+                |block, rect| Trial::run(block, rect, seed, sequence),
+            )
+            .reduce(Trial::default, Trial::join);
+        Some(trial.decide())
     }
 
-    /// Pixels in a group: what is more efficient.
-    pub fn pixels(&self) -> u32 {
-        // So written that no number at all is no reason to share.
-        if self.gain > WORTH * self.work { Pilot::GROUP } else { 1 }
+    fn efficiency(&self) -> f64 {
+        self.gain / self.work
     }
 }
 
-/// Mean and variance of each pixel of some tiles.
+/// What some tiles showed: without shared paths, and with those of [`GROUPS`].
 #[derive(Default)]
 struct Trial {
-    pixels: Vec<(DVec3, DVec3)>,
-    counters: Counters,
+    /// Mean and variance of each pixel.
+    pixels: [Vec<(DVec3, DVec3)>; WAYS],
+    paths: u64,
+    /// Rays of all paths, and those that each way adds.
+    rays: [u64; WAYS],
+    /// Bsdfs that each way evaluates.
+    evaluations: [u64; WAYS],
 }
 
+const WAYS: usize = 1 + GROUPS.len();
+
 impl Trial {
-    fn run<'s>(block: &mut Block<'s>, tile: &Rect, seed: u64, sequence: Sequence) -> Trial {
-        let mut record = NoRecord::default();
-        let mut sums = vec![(DVec3::ZERO, DVec3::ZERO); tile.area()];
-        block.move_to(tile.min);
+    /// All ways with the same paths.
+    fn run<'s>(block: &mut Block<'s>, rect: &Rect, seed: u64, sequence: Sequence) -> Trial {
+        let mut trial = Trial::default();
+        let mut sums = [(); WAYS].map(|()| vec![(DVec3::ZERO, DVec3::ZERO); rect.area()]);
+        let mut traced = Vec::new();
+        block.move_to(rect.min);
         for set in 0..SETS {
-            let mut means = vec![DVec3::ZERO; tile.area()];
+            let mut means = [(); WAYS].map(|()| vec![DVec3::ZERO; rect.area()]);
             for index in 0..SAMPLES {
                 let draw = Draw { seed: seed ^ (ASIDE + set), index, sequence, layers: false };
-                block.sample(&draw, &mut record);
-                for (mean, pixel) in means.iter_mut().zip(tile.pixels()) {
-                    *mean += block.of(pixel).0.rgb.as_dvec3() / SAMPLES as f64;
+                let mut record = NoRecord::default();
+                block.trace(&draw, &mut record);
+                trial.rays[0] += record.0.rays();
+                trial.paths += record.0.paths;
+                traced.clone_from(block.lenders());
+                for (way, means) in means.iter_mut().enumerate() {
+                    let mut counters = Counters::default();
+                    if way > 0 {
+                        block.lenders().clone_from(&traced);
+                        let before = block.evaluations();
+                        block.share(GROUPS[way - 1], &mut counters);
+                        trial.rays[way] += counters.rays();
+                        trial.evaluations[way] += block.evaluations() - before;
+                    }
+                    for (mean, pixel) in means.iter_mut().zip(rect.pixels()) {
+                        // What has been shared is the pixel's own by then.
+                        *mean += block.path_of(pixel).alone().as_dvec3() / SAMPLES as f64;
+                    }
                 }
             }
-            for (sum, mean) in sums.iter_mut().zip(means) {
-                *sum = (sum.0 + mean, sum.1 + mean * mean);
+            for (sums, means) in sums.iter_mut().zip(means) {
+                for (sum, mean) in sums.iter_mut().zip(means) {
+                    *sum = (sum.0 + mean, sum.1 + mean * mean);
+                }
             }
         }
         let n = SETS as f64;
@@ -111,29 +138,67 @@ impl Trial {
             let mean = *sum / n;
             (mean, (*squares / n - mean * mean).max(DVec3::ZERO) / (n - 1.0))
         };
-        Trial { pixels: sums.iter().map(moments).collect(), counters: record.0 }
+        trial.pixels = sums.map(|sums| sums.iter().map(moments).collect());
+        trial
     }
 
     fn join(mut self, other: Trial) -> Trial {
-        self.pixels.extend(other.pixels);
-        self.counters.add(&other.counters);
+        for (all, more) in self.pixels.iter_mut().zip(other.pixels) {
+            all.extend(more);
+        }
+        self.paths += other.paths;
+        for way in 0..WAYS {
+            self.rays[way] += other.rays[way];
+            self.evaluations[way] += other.evaluations[way];
+        }
         self
     }
 
-    /// Mean relative variance, with the means of `known`.
-    fn noise(&self, known: &Trial) -> f64 {
-        let count = self.pixels.len() as f64;
-        let mean = known.pixels.iter().map(|(mean, _)| mean.element_sum() / 3.0).sum::<f64>() / count;
-        let floor = DVec3::splat(0.01 * mean * mean);
-        let mut terms: Vec<f64> = self
-            .pixels
-            .iter()
-            .zip(&known.pixels)
-            .map(|((_, variance), (mean, _))| (*variance / (*mean * *mean + floor)).element_sum())
-            .filter(|term| term.is_finite())
-            .collect();
-        terms.sort_unstable_by(f64::total_cmp);
-        terms.truncate(terms.len() - terms.len() / 100);
-        terms.iter().sum::<f64>() / terms.len() as f64
+    /// Twice as many pixels as long as that is worth it.
+    fn decide(&self) -> Pilot {
+        let [small, large] = GROUPS.map(f64::from);
+        let known = &self.pixels[WAYS - 1];
+        let [alone, noisy, quiet] = [0, 1, 2].map(|way| noise(&self.pixels[way], known));
+        let [few, many] = [1, 2].map(|way| {
+            let [paths, rays, evaluations] =
+                [self.paths, self.rays[way], self.evaluations[way]].map(|n| n as f64);
+            EACH_PATH * paths + EACH_RAY * rays + EACH_EVALUATION * evaluations
+        });
+        let tried = |pixels: u32| {
+            // With n pixels variance is a + b/n, work c + d·n.
+            let n = f64::from(pixels);
+            let towards = (large / n - 1.0) / (large / small - 1.0);
+            let variance = quiet + (noisy - quiet) * towards;
+            let extra = few + (many - few) * (n - small) / (large - small);
+            Pilot { pixels, gain: alone / variance, work: 1.0 + extra / self.rays[0] as f64 }
+        };
+        let mut best = tried(GROUPS[0]);
+        // So written that no number at all is no reason to share.
+        if !(best.efficiency() > WORTH) {
+            return Pilot { pixels: 1, ..best };
+        }
+        while best.pixels < GROUPS[1] {
+            let next = tried(2 * best.pixels);
+            if !(next.efficiency() > WORTH * best.efficiency()) {
+                break;
+            }
+            best = next;
+        }
+        best
     }
+}
+
+/// Mean relative variance of some pixels, with the means of `known`.
+fn noise(pixels: &[(DVec3, DVec3)], known: &[(DVec3, DVec3)]) -> f64 {
+    let mean = known.iter().map(|(mean, _)| mean.element_sum() / 3.0).sum::<f64>() / known.len() as f64;
+    let floor = DVec3::splat(0.01 * mean * mean);
+    let mut terms: Vec<f64> = pixels
+        .iter()
+        .zip(known)
+        .map(|((_, variance), (mean, _))| (*variance / (*mean * *mean + floor)).element_sum())
+        .filter(|term| term.is_finite())
+        .collect();
+    terms.sort_unstable_by(f64::total_cmp);
+    terms.truncate(terms.len() - terms.len() / 100);
+    terms.iter().sum::<f64>() / terms.len() as f64
 }

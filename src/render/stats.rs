@@ -67,7 +67,7 @@ impl RenderStats {
             "film_bytes": self.film_bytes,
             "stopped": self.stopped.reason(),
             "reuse": self.reuse,
-            "reuse_pilot": self.pilot.map(|p| json!({ "gain": p.gain, "work": p.work })),
+            "reuse_pilot": self.pilot.map(|p| json!({ "pixels": p.pixels, "gain": p.gain, "work": p.work })),
             "peak_memory_bytes": peak_memory_bytes(),
             "bad_samples": self.bad.to_json(),
             "plan": plan.to_json(),
