@@ -63,8 +63,8 @@ pub struct SceneArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub max_depth: Option<i64>,
     /// Pixels that use each other's paths (2 to 256; 1 for none): less noise of indirect light for a shadow
-    /// ray per pixel more. With auto, what render does unless told, a few tiles are tried first, and 16
-    /// pixels do if that is more efficient. For path and volpath, where nothing moves and nothing is seen
+    /// ray per pixel more. With auto, what render does unless told, a few tiles are tried first, and 16,
+    /// 32 or 64 pixels do if that is more efficient. For path and volpath, where nothing moves and nothing is seen
     /// through.
     #[arg(long, value_name = "N|auto", value_parser = parse_reuse)]
     pub reuse: Option<u32>,
