@@ -25,7 +25,7 @@ const TILES: usize = 16;
 const SHARE: u64 = 16;
 /// What sharing costs, in rays of a path with all that belongs to them: for each path, for each
 /// shadow ray, and for each bsdf that is evaluated. From counts of instructions on six scenes of this
-/// repository; what follows from them is within 15 % of what these took.
+/// repository; what follows from them is within a sixth of what these took.
 const EACH_PATH: f64 = 0.5;
 const EACH_RAY: f64 = 0.27;
 const EACH_EVALUATION: f64 = 0.17;
