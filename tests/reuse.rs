@@ -284,13 +284,15 @@ fn nothing_changes(width: usize, height: usize, spp: u64, replicas: &[u32]) {
     let scene = "scenes/teapot-dof/scene.xml";
     let desc = {
         let defines = [("resx", width), ("resy", height)].map(|(k, v)| (k.to_owned(), v.to_string()));
-        load(&package(scene), &LoadOptions { defines: defines.to_vec(), ..LoadOptions::default() }).unwrap()
+        load(&package(scene), &LoadOptions { defines: defines.to_vec(), ..LoadOptions::default() })
+            .expect("a scene")
     };
     let whole = reusing(Ready::build(&desc, None, None), 16, None);
     let [x0, y0] = [width / 5, height / 6];
     let crop = [x0 as u32, y0 as u32, 30, 21];
     let crop = BuildOptions { crop: Some(crop), ..BuildOptions::default() };
-    let part = Ready { scene: Scene::build(&desc, &crop).unwrap(), integrator: whole.integrator.clone() };
+    let part =
+        Ready { scene: Scene::build(&desc, &crop).expect("a scene"), integrator: whole.integrator.clone() };
     let mut options = options(spp, 3);
     options.layers = LayerSet::ALL;
     for replicas in replicas {
@@ -300,7 +302,7 @@ fn nothing_changes(width: usize, height: usize, spp: u64, replicas: &[u32]) {
         (options.threads, options.order) = (5, TileOrder::Shuffled(9));
         assert_eq!(all, whole.render(&options).film.resolve());
         for channel in &part.render(&options).film.resolve().channels {
-            let all = all.channel(&channel.name).unwrap();
+            let all = all.channel(&channel.name).expect("a channel");
             for (i, value) in channel.data.iter().enumerate() {
                 let (x, y) = (i % 30, i / 30);
                 assert_eq!(
