@@ -289,6 +289,7 @@ impl Builder<'_> {
             two_sided: m.needs_both_sides(),
             attributes: m.needs_attributes(),
             filtered: m.is_filtered(),
+            filtered_by_attribute: m.is_filtered_by_attribute(),
             null: m.has_null(),
             disperses: m.disperses(),
         };
