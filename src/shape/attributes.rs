@@ -45,6 +45,12 @@ impl Geometry {
         self.attributes.push(stored);
     }
 
+    /// Attributes kept, over all shapes.
+    #[must_use]
+    pub fn attribute_count(&self) -> usize {
+        self.attributes.len()
+    }
+
     /// The attributes of a surface point, by slot: interpolated linearly over
     /// the triangle, or that of its face. One number is repeated; three get a
     /// fourth of 1. Zero where the shape has none.
