@@ -151,6 +151,7 @@ def mitsuba():
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)  # warnings would stand in the table
     return mi
 
 
