@@ -250,6 +250,72 @@ fn clear_coats() {
     }
 }
 
+/// The factors of two columns whose sum is nearest to `target`, and the share of its
+/// variance that is left.
+fn nearest_sum(columns: [&[f64]; 2], target: &[f64]) -> ([f64; 2], f64) {
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let [[aa, ab], [_, bb]] = columns.map(|c| columns.map(|d| product(c, d)));
+    let [at, bt] = columns.map(|c| product(c, target));
+    let det = aa * bb - ab * ab;
+    let found = [(at * bb - bt * ab) / det, (bt * aa - at * ab) / det];
+    let mean = target.iter().sum::<f64>() / target.len() as f64;
+    let sums = columns[0].iter().zip(columns[1]).map(|(a, b)| found[0] * a + found[1] * b);
+    let left: f64 = sums.zip(target).map(|(sum, t)| (t - sum).powi(2)).sum();
+    (found, left / target.iter().map(|t| (t - mean).powi(2)).sum::<f64>())
+}
+
+/// The rows with normal maps, under three lamps far away. Each coated sample is a base,
+/// less what the coat takes on both ways, and a coating: of the model's two bases and
+/// three coatings only those with the normals that its row says. A ribbed base below a
+/// smooth coat, ribs in both, a smooth base below a crumpled coat.
+#[test]
+fn normals_of_base_and_coat_are_their_own() {
+    let Some(mut desc) = read("ClearCoatTest.gltf") else { return };
+    for direction in [[0.6, 0.1, 0.8], [-0.45, 0.5, 0.74], [-0.1, -0.65, 0.75]] {
+        let [x, y, z] = direction.map(|c: f64| 1000.0 * c);
+        let radiance = vec![("radiance", Value::Rgb([1.0; 3]))];
+        let glow = add(&mut desc, Category::Emitter, "area", radiance);
+        let place = Transform::from_matrix(DMat4::from_translation(DVec3::new(x, y, z))).unwrap();
+        let lamp = vec![
+            ("radius", Value::Float(250.0)),
+            ("to_world", Value::Transform(place)),
+            ("", Value::Object(glow)),
+        ];
+        let lamp = add(&mut desc, Category::Shape, "sphere", lamp);
+        show(&mut desc, lamp);
+    }
+    let front = Front::of(desc, [0.0, 0.0], 6.5, 260, 64);
+    let sample = |column: f64, row: f64| -> Vec<f64> {
+        let place = |i: i32| f64::from(i) * 0.0225 - 0.9;
+        (0..80 * 80)
+            .flat_map(|k| front.at(column + place(k % 80), row + place(k / 80)).to_array())
+            .map(f64::from)
+            .collect()
+    };
+    let (left, middle, right) = (-2.1, 0.0, 2.1);
+    let (ribbed, shared, crumpled) = (-1.05, -3.15, -5.25);
+    let bases = [("smooth", sample(left, crumpled)), ("ribbed", sample(left, ribbed))];
+    let coats = [("smooth", ribbed), ("ribbed", shared), ("crumpled", crumpled)]
+        .map(|(name, row)| (name, sample(right, row)));
+    for (row, wanted) in
+        [(ribbed, ("ribbed", "smooth")), (shared, ("ribbed", "ribbed")), (crumpled, ("smooth", "crumpled"))]
+    {
+        let coated = sample(middle, row);
+        let mut fitting = Vec::new();
+        for (base, below) in &bases {
+            for (coat, above) in &coats {
+                let ([a, b], left) = nearest_sum([below, above], &coated);
+                println!("{a:.3} {base} base + {b:.3} {coat} coat: {:.1} % left", 100.0 * left);
+                // A tenth of diffuse light is taken by the coat, and more of it towards the rim.
+                if (0.8..1.0).contains(&a) && (0.9..1.15).contains(&b) && left < 0.1 {
+                    fitting.push((*base, *coat));
+                }
+            }
+        }
+        assert_eq!(fitting, [wanted], "the row at {row}");
+    }
+}
+
 /// Positions at every key of every animation, and as stored: base plus weights
 /// times offsets, read by the `gltf` crate.
 #[test]

@@ -190,6 +190,20 @@ fn explain_and_replay_answer_on_stdout() {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("24 × 16, 4 spp, integrator path") && text.contains("Left out"), "{text}");
     assert!(text.contains("shared paths: 16, 32 or 64 pixels use each other's, or none"), "{text}");
+    // Each effect that `tools/left_out.py` measures the absence of.
+    for effect in [
+        "media",
+        "alpha",
+        "dispersion",
+        "motion",
+        "instances",
+        "lens",
+        "texture filter",
+        "mesh attributes",
+        "placed lamps",
+    ] {
+        assert!(text.contains(&format!("\n  {effect}: ")), "{effect}: {text}");
+    }
     let output = run_in(folder.path(), &["replay", "scene.xml", "12,12", "--sample", "1"]);
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.starts_with("pixel 12,12 sample 1 seed 0") && text.contains("vertex 0:"), "{text}");

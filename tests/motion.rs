@@ -1,5 +1,6 @@
 //! Motion blur and instances: against closed forms, against the mean of still
 //! pictures, and all accelerators against brute force.
+#![allow(clippy::print_stdout, reason = "says what it measured")]
 #![allow(clippy::unwrap_used, reason = "a failed set-up is a failed test")]
 
 mod common_shape;
@@ -216,6 +217,81 @@ fn a_moving_camera_is_a_moving_scene() {
         let found = (0..4).map(|y| f64::from(picture[3 * (20 * y + x)])).sum::<f64>() / 4.0;
         assert!((found - expected).abs() < 4e-3, "pixel {x}: {found} for {expected}");
     }
+}
+
+/// The picture of a scene of 20 × 4 pixels against the share of the shutter's time during
+/// which points of a pixel are covered: `covered(right, up, time)`, ±1 and ±0.2 at the
+/// borders.
+fn check_coverage(name: &str, scene: &str, covered: impl Fn(f64, f64, f64) -> bool) {
+    let ready = Ready::from_xml(scene, None, None);
+    assert!(ready.scene.plan.motion, "{name}");
+    let picture = rgb(&ready.picture(32768, 1));
+    let middle = |i: usize, n: usize| (i as f64 + 0.5) / n as f64;
+    const PLACES: usize = 16;
+    const TIMES: usize = 512;
+    let (mut between, mut seen, mut worst) = (0, 0.0, 0.0_f64);
+    for (i, found) in picture.iter().step_by(3).enumerate() {
+        let (column, row) = (i % 20, i / 20);
+        let mut count = 0;
+        for place in 0..PLACES * PLACES {
+            let right = (column as f64 + middle(place % PLACES, PLACES)) * 0.1 - 1.0;
+            let up = 0.2 - (row as f64 + middle(place / PLACES, PLACES)) * 0.1;
+            count += (0..TIMES).filter(|k| covered(right, up, middle(*k, TIMES))).count();
+        }
+        let expected = count as f64 / (PLACES * PLACES * TIMES) as f64;
+        let found = f64::from(*found);
+        assert!((found - expected).abs() < 4e-3, "{name}: pixel {column}, {row}: {found} for {expected}");
+        worst = worst.max((found - expected).abs());
+        between += usize::from(expected > 0.02 && expected < 0.98);
+        seen += expected;
+    }
+    println!("{name}: {between} pixels are covered for a while, off by {worst:.5} at most");
+    assert!(between > 30 && seen > 5.0, "{name}: only {between} pixels are covered for a while");
+}
+
+/// A bar that turns about its middle, by unequal angles in unequal times.
+#[test]
+fn a_turning_bar_covers_by_its_angle() {
+    let keys = [(2.0, 10.0), (2.5, 40.0), (4.0, 170.0)];
+    let key = |(time, angle): (f64, f64)| {
+        format!(
+            r#"<transform time="{time}"><rotate y="1" angle="180"/><scale x="3" y="0.15"/><rotate z="1" angle="{angle}"/></transform>"#
+        )
+    };
+    let motion = format!(r#"<animation name="to_world">{}</animation>"#, keys.map(key).concat());
+    check_coverage("turning", &plates(&motion, STILL_CAMERA, SHUTTER), |right, up, time| {
+        let angle = if time < 0.25 { 10.0 + 120.0 * time } else { 40.0 + 130.0 * (time - 0.25) / 0.75 };
+        let (sin, cos) = f64::to_radians(angle).sin_cos();
+        // Seen from −z, x goes to the left.
+        (right * sin + up * cos).abs() < 0.15
+    });
+}
+
+/// A plate that grows, and a camera that comes nearer to one.
+#[test]
+fn a_zoom_covers_by_the_scale() {
+    let key = |time: f64, width: f64| {
+        format!(
+            r#"<transform time="{time}"><rotate y="1" angle="180"/><scale x="{width}" y="3"/></transform>"#
+        )
+    };
+    let motion = format!(r#"<animation name="to_world">{}{}</animation>"#, key(2.0, 0.1), key(4.0, 0.9));
+    check_coverage("growing", &plates(&motion, STILL_CAMERA, SHUTTER), |right, _, time| {
+        right.abs() < 0.1 + 0.8 * time
+    });
+
+    let plate =
+        r#"<transform name="to_world"><rotate y="1" angle="180"/><scale x="0.5" y="30"/></transform>"#;
+    let key = |time: f64, z: f64| {
+        format!(
+            r#"<transform time="{time}"><lookat origin="0,0,{z}" target="0,0,0" up="0,1,0"/></transform>"#
+        )
+    };
+    let camera = format!(r#"<animation name="to_world">{}{}</animation>"#, key(2.0, -8.0), key(4.0, -2.0));
+    let scene = plates(plate, &camera, SHUTTER)
+        .replace(r#"type="orthographic">"#, r#"type="perspective"><float name="fov" value="40"/>"#);
+    let half = f64::to_radians(20.0).tan();
+    check_coverage("approach", &scene, |right, _, time| right.abs() * half * (8.0 - 6.0 * time) < 0.5);
 }
 
 /// A scene in which all kinds of motion happen: a turning plate, a sphere that

@@ -17,8 +17,8 @@ use describe::{Describe, float, string, transform};
 use etendue::desc::{Category, Error, Pixels, Value};
 use etendue::math::{DMat4, DVec3, Rgb, Vec2, Vec3, Vec4};
 use etendue::texture::{
-    Coords, Footprint, MAX_ATTRIBUTES, More, NO_ATTRIBUTES, Pyramids, Texture, TextureFilter, Usage,
-    texture_from_desc, texture_param,
+    Coords, Footprint, MAX_ATTRIBUTES, More, NO_ATTRIBUTES, NO_FOOTPRINTS, Pyramids, Texture, TextureFilter,
+    Usage, texture_from_desc, texture_param,
 };
 
 const FLOATS: [f32; 18] =
@@ -392,7 +392,7 @@ fn attributes_are_numbered_and_read() {
 
     let mut attributes = [Vec4::ZERO; MAX_ATTRIBUTES];
     attributes[..2].copy_from_slice(&[Vec4::new(0.2, 0.4, 0.6, 0.8), Vec4::new(0.1, 0.2, 0.0, 1.0)]);
-    let more = More { attributes, footprint: Footprint::POINT };
+    let more = More { attributes, footprint: Footprint::POINT, footprints: NO_FOOTPRINTS };
     let at = Coords { uv: Vec2::new(0.9, 0.95), more: Some(&more) };
     assert_eq!(colour.eval(at), Rgb::new(0.1, 0.2, 0.3));
     check("second", &second, [0.0, 0.0], second.eval(Vec2::ZERO).to_array(), None);
@@ -417,7 +417,8 @@ fn noise(x: u32, y: u32) -> f32 {
 
 /// Looked at from a direction by a beam of so much width, (u, v) being (x, y).
 fn seen(texture: &Texture, uv: Vec2, width: f32, wo: Vec3) -> f32 {
-    let more = More { attributes: NO_ATTRIBUTES, footprint: Footprint::new(width, wo, Vec3::X, Vec3::Y) };
+    let footprint = Footprint::new(width, wo, Vec3::X, Vec3::Y);
+    let more = More { attributes: NO_ATTRIBUTES, footprint, footprints: NO_FOOTPRINTS };
     texture.eval(Coords { uv, more: Some(&more) }).x
 }
 
@@ -483,4 +484,74 @@ fn a_court_of_tiles_gets_less_noisy() {
     assert!(smooth < 0.7 * noisy, "{smooth} against {noisy}");
     let [a, b] = [mean(&reference), mean(&render::rgb(&footprint.picture(64, 3)))];
     assert!((b / a - 1.0).abs() < 1e-3, "the mean is off by {}", b / a - 1.0);
+}
+
+/// A floor far away, a mesh that needs no tangents, looked up through a second set of
+/// coordinates, which are the first ones exchanged and stretched: with that undone by
+/// `to_uv`, the picture is that of the first set, of a still floor, of one in an instance
+/// of uneven scale, and of one that moves. Without footprints it is another.
+#[test]
+fn other_coordinates_have_their_own_footprints() {
+    use etendue::integrator::{Integrator, IntegratorOptions};
+    use etendue::load::{LoadOptions, load_str};
+    use etendue::scene::{BuildOptions, Scene};
+    let folder = tempfile::tempdir().unwrap();
+    let corners: String = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+        .map(|[u, v]: [f32; 2]| format!("{} 0 {} {u} {v} {} {}\n", 24.0 * u - 12.0, -48.0 * v, v, 3.0 * u))
+        .concat();
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+         property float u\nproperty float v\nproperty float other_0\nproperty float other_1\n\
+         element face 2\nproperty list uchar int vertex_indices\nend_header\n{corners}3 0 1 2\n3 0 2 3\n"
+    );
+    std::fs::write(folder.path().join("floor.ply"), ply).unwrap();
+    let mosaic = render::package("scenes/tiled-court/mosaic.png");
+    let picture = |place: &str, lookup: &str, texture_filter| {
+        let floor = r#"<shape type="ply"><string name="filename" value="floor.ply"/><boolean name="face_normals"
+            value="true"/><ref id="tiles"/>"#;
+        let floor = match place {
+            "still" => format!("{floor}</shape>"),
+            "instance" => format!(
+                r#"<shape type="shapegroup" id="g">{floor}</shape></shape><shape type="instance"><ref id="g"/>
+                <transform name="to_world"><scale x="0.5" y="2" z="1.5"/></transform></shape>"#
+            ),
+            _ => format!(
+                r#"{floor}<animation name="to_world"><transform time="0"><scale x="0.5"/></transform>
+                <transform time="1"><scale x="1.5"/><translate z="-2"/></transform></animation></shape>"#
+            ),
+        };
+        let scene = format!(
+            r#"<scene version="3.0.0"><integrator type="direct"/><emitter type="constant"/>
+            <sensor type="perspective"><float name="fov" value="50"/>
+              <float name="shutter_open" value="0"/><float name="shutter_close" value="1"/>
+              <transform name="to_world"><lookat origin="0,1.5,2" target="0,0.8,-10" up="0,1,0"/></transform>
+              <film type="hdrfilm"><integer name="width" value="48"/><integer name="height" value="32"/></film>
+            </sensor>
+            <bsdf type="twosided" id="tiles"><bsdf type="diffuse"><texture type="bitmap" name="reflectance">
+              <string name="filename" value="{}"/>{lookup}</texture></bsdf></bsdf>
+            {floor}</scene>"#,
+            mosaic.display()
+        );
+        let desc = load_str(&scene, folder.path(), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let options = BuildOptions { texture_filter, ..BuildOptions::default() };
+        let integrator = Integrator::from_desc(&desc, &IntegratorOptions::default()).unwrap();
+        let scene = Scene::build(&desc, &options).unwrap_or_else(|e| panic!("{e}"));
+        render::rgb(&render::Ready { scene, integrator }.picture(4, 2))
+    };
+    let first = r#"<transform name="to_uv"><scale x="10" y="20"/></transform>"#;
+    // (s, t) = (v, 3 u), and back.
+    let other = r#"<string name="uv_attribute" value="vertex_other"/>
+        <transform name="to_uv"><matrix value="0 3.3333333 0 0  20 0 0 0  0 0 1 0  0 0 0 1"/></transform>"#;
+    for place in ["still", "instance", "moving"] {
+        let [a, b] = [first, other].map(|lookup| picture(place, lookup, TextureFilter::Footprint));
+        let points = picture(place, other, TextureFilter::Point);
+        let apart = |x: &[f32], y: &[f32]| {
+            let sum: f64 = x.iter().zip(y).map(|(x, y)| f64::from((x - y).abs())).sum();
+            sum / y.iter().map(|y| f64::from(*y)).sum::<f64>()
+        };
+        let (same, filter) = (apart(&b, &a), apart(&points, &a));
+        println!("{place}: {same:.6} apart, points {filter:.4}");
+        assert!(filter > 0.02, "{place}: the filter changes only {filter}");
+        assert!(same < 1e-3, "{place}: {same} from the picture of the first set");
+    }
 }

@@ -3,7 +3,7 @@
 
     tools/check_scenes.py target/release/etendue FOLDER [--only PART] [--csv FILE] [--mitsuba]
     tools/check_scenes.py target/release/etendue SCENE.xml --mitsuba -D resx=96 -D resy=54
-    tools/check_scenes.py target/release/etendue FOLDER --mitsuba --scenes [--width 96]
+    tools/check_scenes.py target/release/etendue FOLDER --mitsuba --scenes [--width 96] [--offset 0.0625 --shadow 0.0625]
     tools/check_scenes.py target/release/etendue SCENE.xml --mitsuba [--place=1,0,0 --scale 16] [--offset 0.0625]
 
 FOLDER holds scenes `…/test_NAME_INTEGRATOR.xml` and beside them
@@ -27,16 +27,21 @@ llvm_ad_rgb where DRJIT_LIBLLVM_PATH is set): Welch's t of two means with the
 scatter of both, and differences count from 1e-4 on. References in a folder may
 be of another Mitsuba: these have a tint of 0.1 % in red, and their film is a
 float one. One scene file alone is judged in this way only, and so is, after the
-render tests, each `scene.xml` below FOLDER with --scenes, with its parameters
-`resx` and `resy` made small. Those whose media scatter are left out, and listed.
+render tests, each other scene file below FOLDER with --scenes, its picture made
+small (what others include is a part, no scene). Those whose media scatter
+and those that Mitsuba does not load are listed with the reason; all of the latter
+must render here, with --lenient if need be. --spp 256 is for all of them, --spp
+NAME=1024 besides for one.
 
-Mitsuba's rays begin (1 + max|p|) 8.9e-5 off the surface. Two options judge a
-single scene again, with less of that; our own side is the scene as it stands each
-time. --place X,Y,Z --scale K: against Mitsuba's picture of a copy that is moved so
-that this place is the origin, and then made K times as large, a power of two.
---offset SHARE: against Mitsuba's `path` with this share of the offset everywhere
-(tools/mitsuba_near.py; llvm_ad_rgb), and with --shadow SHARE of what its shadow rays
-end early.
+Mitsuba's rays begin (1 + max|p|) 8.9e-5 off the surface. Two options judge again,
+with less of that; our own side is the scene as it stands each time, and the same
+pictures. --offset SHARE, for a single scene and for --scenes: against Mitsuba's
+`path` with this share of the offset everywhere (tools/mitsuba_near.py;
+llvm_ad_rgb), and with --shadow SHARE of what its shadow rays end early. With it the
+second verdict counts, but for scenes of other integrators, which are told and have
+the first one only. --place X,Y,Z --scale K, for a single scene: against Mitsuba's
+picture of a copy that is moved so that this place is the origin, and then made K
+times as large, a power of two.
 
 Prints one line per scene and exits 1 when one fails.
 """
@@ -72,31 +77,34 @@ def read(path):
     return np.asarray(pixels, np.float64)[:, :, wanted]
 
 
-def render(program, scene, spp, seed, integrator, folder, defines=()):
+def render(program, scene, spp, seed, integrator, folder, options=()):
     out = pathlib.Path(folder) / f"{seed}.exr"
-    command = [program, "render", str(scene), "-o", str(out), "--spp", str(spp), "--seed", str(seed), "-q"]
-    for define in defines:
-        command += ["-D", define]
+    command = [program, "render", str(scene), "-o", str(out), "--spp", str(spp), "--seed", str(seed), "-q", *options]
     if integrator in SAME:
         command += ["--integrator", SAME[integrator]]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode != 0:
-        return done.stderr.strip().splitlines()[-1]
+        return (done.stderr.strip().splitlines() or [f"it ended with {done.returncode}"])[-1]
     return read(out)
 
 
-def for_mitsuba(scene, moved=None, offset=None, shadow=1.0):
+def for_mitsuba(scene, size=None, moved=None, offset=None, shadow=1.0):
     """The scene file's text, robust intersections switched on (without, rays of Embree miss edges; with
-    curves, they crash)."""
+    curves, they crash), and its picture of that `size` if one is given."""
     root = xml.parse(scene).getroot()
+    if size:
+        film = root.find("sensor/film")
+        film = xml.SubElement(root.find("sensor"), "film", type="hdrfilm") if film is None else film
+        for name, value in zip(("width", "height"), size):
+            side = film.find(f"integer[@name='{name}']")
+            side = xml.SubElement(film, "integer", name=name) if side is None else side
+            side.set("value", str(value))
     if not any("curve" in shape.get("type", "") for shape in root.iter("shape")):
         xml.SubElement(root, "boolean", name="embree_use_robust_intersections", value="true")
     if moved:
         move_all(scene, root, *moved)
     if offset is not None:
         integrator = root.find("integrator")
-        if integrator.get("type") != "path":
-            sys.exit(f"{scene}: --offset is for the integrator path")
         integrator.set("type", "near")
         xml.SubElement(integrator, "float", name="share", value=repr(offset))
         xml.SubElement(integrator, "float", name="shadow_share", value=repr(shadow))
@@ -134,19 +142,39 @@ def move_all(scene, root, place, scale):
             number.set("value", repr(float(number.get("value")) * scale))
 
 
-def render_mitsuba(scene, spp, integrator, defines=(), moved=None, offset=None, shadow=1.0):
-    """One picture per seed, as Mitsuba renders them now; of a copy elsewhere if `moved` (place, scale),
-    with those shares of its ray offset and of its shadow rays' ends if there is an `offset`."""
+def integrator_of(scene):
+    found = xml.parse(scene).getroot().find("integrator")
+    return "path" if found is None else found.get("type")
+
+
+def mitsuba():
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)  # warnings would stand in the table
+    return mi
+
+
+def refused_by_mitsuba(scene):
+    """Why it does not load the file as it is, if so."""
+    try:
+        mitsuba().load_file(str(scene))
+    except RuntimeError as error:
+        return " ".join(re.sub(r"\[\w+\.cpp:\d+\] ", "", str(error).replace(f"{scene.parent.resolve()}/", "")).split())
+    return None
+
+
+def render_mitsuba(scene, spp, integrator, defines=(), size=None, moved=None, offset=None, shadow=1.0):
+    """One picture per seed, as Mitsuba renders them now, or `size`; of a copy elsewhere if `moved` (place,
+    scale), with those shares of its ray offset and of its shadow rays' ends if there is an `offset`."""
+    mi = mitsuba()
     values = dict(define.split("=", 1) for define in defines)
     if integrator in SAME:
         values["integrator"] = SAME[integrator]
     if offset is not None:
         import mitsuba_near  # noqa: F401: registers the integrator
     mi.file_resolver().prepend(str(scene.resolve().parent))
-    loaded = mi.load_string(for_mitsuba(scene, moved, offset, shadow), **values)
+    loaded = mi.load_string(for_mitsuba(scene, size, moved, offset, shadow), **values)
     # The first three channels are the colour, also of `moment`.
     render = lambda seed: np.array(mi.render(loaded, spp=spp, seed=1000 + seed), np.float64)[:, :, :3]
     return np.array([render(seed) for seed in range(SEEDS)])
@@ -204,14 +232,8 @@ def judge(pictures, reference, variance, ref_spp, spp):
     return accepted, levels, relative
 
 
-def against_mitsuba(program, scene, spp, defines, ways=({},)):
-    """One scene file against Mitsuba: for each way to render it there, levels, what the mean is off by, its
-    noise; or a message."""
-    with tempfile.TemporaryDirectory() as folder:
-        ours = [render(program, scene, spp, s, "", folder, defines) for s in range(SEEDS)]
-    if isinstance(ours[0], str):
-        return ours[0]
-    return [judge_pair(np.array(ours), render_mitsuba(scene, spp, "", defines, **way)) for way in ways]
+def verdict(p):
+    return "pass" if min(p.values()) > 1e-3 else "FAIL"
 
 
 def single(args):
@@ -220,46 +242,105 @@ def single(args):
         place = ", ".join(f"{c:g}" for c in args.place)
         ways[f", {place} at Mitsuba's origin, {args.scale:g} times as large"] = {"moved": (args.place, args.scale)}
     if args.offset is not None:
+        if integrator_of(args.folder) != "path":
+            sys.exit(f"{args.folder}: --offset is for the integrator path")
         end = f", {args.shadow:g} of its shadow rays' ends" if args.shadow != 1 else ""
         ways[f", {args.offset:g} of Mitsuba's offset{end}"] = {"offset": args.offset, "shadow": args.shadow}
-    found = against_mitsuba(args.program, args.folder, args.spp, args.define, ways.values())
-    if isinstance(found, str):
-        sys.exit(found)
-    for way, (p, off, noise) in zip(ways, found):
-        fine = min(p.values()) > 1e-3
-        print(f"{args.folder}{way}: {SEEDS} x {args.spp} spp, p mean {p['mean']:.3g}, p blocks {p['blocks']:.3g}, "
-              f"mean off by {100 * off:+.3f} % +- {100 * noise:.3f} %: {'pass' if fine else 'FAIL'}")
-    sys.exit(0 if fine else 1)
+    spp = args.spp.get(args.folder.parent.name, args.spp[""])
+    options = [part for define in args.define for part in ("-D", define)]
+    with tempfile.TemporaryDirectory() as folder:
+        ours = [render(args.program, args.folder, spp, s, "", folder, options) for s in range(SEEDS)]
+    if isinstance(ours[0], str):
+        sys.exit(ours[0])
+    for name, way in ways.items():
+        p, off, noise = judge_pair(np.array(ours), render_mitsuba(args.folder, spp, "", args.define, **way))
+        print(f"{args.folder}{name}: {SEEDS} x {spp} spp, p mean {p['mean']:.3g}, p blocks {p['blocks']:.3g}, "
+              f"mean off by {100 * off:+.3f} % +- {100 * noise:.3f} %: {verdict(p)}", flush=True)
+    sys.exit(0 if verdict(p) == "pass" else 1)
+
+
+def whole_scenes(folder):
+    """Scene files below it that are no render tests, with their roots; without what others include, and
+    what has no sensor."""
+    found, parts = {}, set()
+    for file in sorted(folder.rglob("*.xml")):
+        root = xml.parse(file).getroot()
+        if root.find("sensor") is not None or root.find("include") is not None:
+            found[file] = root
+            parts |= {(file.parent / part.get("filename")).resolve() for part in root.iter("include")}
+    return {f: root for f, root in found.items() if f.resolve() not in parts and not f.name.startswith("test_")}
+
+
+def small(root, width):
+    """The size of a picture as wide as that, as high as its film says (576 x 768 if nothing)."""
+    defaults = {d.get("name"): d.get("value") for d in root.iter("default")}
+    size = {"width": "768", "height": "576"}
+    for number in root.iterfind("sensor/film/integer"):
+        size[number.get("name")] = number.get("value")
+    w, h = (int(defaults.get(size[side].lstrip("$"), size[side])) for side in ("width", "height"))
+    return width, max(width * h // w // 2 * 2, 2)
+
+
+def judge_scene(args, scene, root):
+    """Its row: the samples, a cell for each way of rendering it in Mitsuba, and whether the last one passes;
+    or what keeps it from being judged."""
+    size = small(root, args.width)
+    spp = args.spp.get(scene.parent.name, args.spp[""])
+    options = ["--size", f"{size[0]}x{size[1]}"] + [part for define in args.define for part in ("-D", define)]
+    with tempfile.TemporaryDirectory() as folder:
+        ours = [render(args.program, scene, 4, 0, "", folder, options)]
+        lenient = isinstance(ours[0], str) and "scatter" not in ours[0]
+        if lenient:
+            ours = [render(args.program, scene, 4, 0, "", folder, [*options, "--lenient"])]
+        if isinstance(ours[0], str):
+            return ours[0]
+        why = refused_by_mitsuba(scene)
+        if why:
+            return {"refused": why, "lenient": lenient}
+        if lenient:
+            return "rendered with --lenient alone"
+        theirs = render_mitsuba(scene, spp, "", args.define, size)
+        ours = [render(args.program, scene, spp, s, "", folder, options) for s in range(SEEDS)]
+    broken = [picture for picture in ours if isinstance(picture, str)]
+    if broken:
+        return broken[0]
+    ours = np.array(ours)
+    found = [judge_pair(ours, theirs)]
+    if args.offset is not None and root.find("integrator").get("type") == "path":
+        near = render_mitsuba(scene, spp, "", args.define, size, offset=args.offset, shadow=args.shadow)
+        found.append(judge_pair(ours, near))
+    cells = [f"{p['mean']:.3g} | {p['blocks']:.3g} | {100 * off:+.3f} % +- {100 * noise:.3f} % | {verdict(p)}"
+             for p, off, noise in found]
+    if args.offset is not None and len(found) == 1:
+        cells.append(f"| | | as it stands: integrator {root.find('integrator').get('type')}")
+    return {"spp": SEEDS * spp, "cells": cells, "passes": verdict(found[-1][0]) == "pass"}
 
 
 def scenes(args):
-    """Every `scene.xml` below the folder, small; how many there were and failed, and those with media."""
-    rows, failed, media = 0, 0, []
-    print("| scene | spp | p mean | p blocks | mean off by | verdict |\n|-|-|-|-|-|-|")
-    for scene in sorted(args.folder.rglob("scene.xml")):
-        name = scene.parent.name
+    """Every other scene below the folder, small; how many failed."""
+    judged, failed, media, refused = 0, 0, [], []
+    columns = "p mean | p blocks | mean off by | verdict |"
+    print(f"| scene | spp | {columns}" + (f" {columns}" if args.offset is not None else ""))
+    print("|-|-|-|-|-|-|" + ("-|-|-|-|" if args.offset is not None else ""))
+    for scene, root in whole_scenes(args.folder).items():
+        name = scene.relative_to(args.folder)
+        name = str(name.parent if name.name == "scene.xml" else name)
         if args.only not in name:
             continue
-        text = scene.read_text()
-        size = [re.search(rf'<default name="{axis}" value="(\d+)"', text) for axis in ("resx", "resy")]
-        if not all(size):
-            continue
-        width, height = (int(found[1]) for found in size)
-        small = [f"resx={args.width}", f"resy={max(args.width * height // width // 2 * 2, 2)}"]
-        found = against_mitsuba(args.program, scene, args.spp, small + args.define)
-        if isinstance(found, str):
-            if "scatter" in found:
-                media.append(name)
-            else:
-                print(f"| {name} | | | | | NOT RENDERED: {found} |", flush=True)
-                failed += 1
-            continue
-        (p, off, noise), = found
-        fine = min(p.values()) > 1e-3
-        rows, failed = rows + 1, failed + (not fine)
-        print(f"| {name} | {SEEDS * args.spp} | {p['mean']:.3g} | {p['blocks']:.3g} | "
-              f"{100 * off:+.3f} % +- {100 * noise:.3f} % | {'pass' if fine else 'FAIL'} |", flush=True)
-    print(f"{rows} scenes, {failed} failed; with media, left out: {', '.join(media) or 'none'}")
+        row = judge_scene(args, scene, root)
+        if isinstance(row, str) and "scatter" in row:
+            media.append(name)
+        elif isinstance(row, str):
+            print(f"| {name} | | | | | NOT RENDERED: {row} |", flush=True)
+            failed += 1
+        elif "refused" in row:
+            refused.append(f"- {name}: {row['refused']}" + (" (here: with --lenient)" if row["lenient"] else ""))
+        else:
+            judged, failed = judged + 1, failed + (not row["passes"])
+            print(f"| {name} | {row['spp']} | " + " | ".join(row["cells"]) + " |", flush=True)
+    print(f"{judged} scenes, {failed} failed; with media, left out: {', '.join(media) or 'none'}")
+    if refused:
+        print("render, but Mitsuba does not load them:", *refused, sep="\n")
     return failed
 
 
@@ -272,7 +353,8 @@ def main():
     parser.add_argument("--ref-spp", type=int, default=32000)
     parser.add_argument("--samples", type=float, default=2e6)
     parser.add_argument("--mitsuba", action="store_true")
-    parser.add_argument("--spp", type=int, default=256, help="of each seed, for a single scene and --scenes")
+    parser.add_argument("--spp", action="append", default=[], metavar="[NAME=]COUNT",
+                        help="of each seed, for a single scene and --scenes (256); for the one in the folder NAME")
     parser.add_argument("--scenes", action="store_true")
     parser.add_argument("--width", type=int, default=96, help="in pixels, for --scenes")
     parser.add_argument("-D", dest="define", action="append", default=[], metavar="NAME=VALUE")
@@ -280,8 +362,10 @@ def main():
                         help="what is at the origin of Mitsuba's copy of a single scene")
     parser.add_argument("--scale", type=float, default=16.0, help="of Mitsuba's copy, with --place")
     parser.add_argument("--shadow", type=float, default=1.0, metavar="SHARE", help="of what shadow rays end early, with --offset")
-    parser.add_argument("--offset", type=float, metavar="SHARE", help="of Mitsuba's ray offset, for a single scene")
+    parser.add_argument("--offset", type=float, metavar="SHARE", help="of Mitsuba's ray offset, for a single scene and --scenes")
     args = parser.parse_args()
+    counts = [("=" + count).rsplit("=", 2)[-2:] for count in args.spp]
+    args.spp = {"": 256} | {name: int(count) for name, count in counts}
     if args.folder.is_file():
         single(args)
     rows, failed, media = [], 0, []

@@ -6,7 +6,8 @@ Mitsuba 3.9.1 begins rays (1 + max|p|) 1500 2^-24 off the surface, a constant of
 its C++ headers, and ends shadow rays 15000 2^-24 of their length early. This is the same estimator
 (src/integrators/path.cpp) on its shapes, bsdfs and lights, with the parameter
 `share` of that offset and `shadow_share` of that end (1: the same). At 1/16 an origin
-is still some 90 units in the last place off.
+is still some 90 units in the last place off. What a shadow ray meets of the lamp itself
+in the part that Mitsuba leaves out does not count.
 """
 import drjit as dr
 import mitsuba as mi
@@ -54,7 +55,10 @@ class Near(mi.SamplingIntegrator):
             way = ds.p - start
             length = dr.norm(way)
             shadow = mi.Ray3f(start, way / length, length * (1 - SHADOW * self.shadow_share), si.time, si.wavelengths)
-            lit &= ~scene.ray_test(shadow, lit)
+            # Nearer to its end it meets round lamps themselves (veach-mis: up to 2.6 % less light in a block).
+            met = scene.ray_intersect_preliminary(shadow, active=lit)
+            itself = (met.shape.emitter() == ds.emitter) & (met.t > length * (1 - SHADOW))
+            lit &= ~met.is_valid() | itself
             # On.
             choice, sample = sampler.next_1d(), sampler.next_2d()
             value, pdf, bs, weight = bsdf.eval_pdf_sample(context, si, si.to_local(ds.d), choice, sample, going)

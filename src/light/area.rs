@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::{LightSample, Receiver, Target, grey};
 use crate::math::{Rgb, Vec2, Vec3};
 use crate::shape::{Geometry, Hit, Pattern, PrimId, ShapeSample, ShapeSampler, SurfacePoint};
-use crate::texture::{Coords, Footprint, More, Texture};
+use crate::texture::{Coords, Footprint, More, NO_FOOTPRINTS, Texture};
 
 /// What an `area` emitter says about itself.
 ///
@@ -41,7 +41,8 @@ impl AreaEmission {
     /// 0 take no light away.
     #[cold]
     fn tint(&self, geometry: &Geometry, point: &SurfacePoint) -> Rgb {
-        let more = More { attributes: geometry.attributes(point), footprint: Footprint::POINT };
+        let (attributes, footprint) = (geometry.attributes(point), Footprint::POINT);
+        let more = More { attributes, footprint, footprints: NO_FOOTPRINTS };
         let at = Coords { uv: point.uv, more: Some(&more) };
         self.tints.iter().map(|t| t.eval(at).max(Rgb::ZERO)).product()
     }

@@ -177,6 +177,15 @@ impl Material {
         found
     }
 
+    /// True when some texture of it averages over footprints in coordinates that an
+    /// attribute of the mesh holds.
+    #[must_use]
+    pub fn is_filtered_by_attribute(&self) -> bool {
+        let mut found = false;
+        self.visit_textures(&mut |t| t.visit_bitmaps(&mut |b| found |= b.is_filtered_by_attribute()));
+        found
+    }
+
     fn any(&self, test: impl Fn(&Material) -> bool) -> bool {
         let mut found = false;
         self.visit(&mut |m| found |= test(m));

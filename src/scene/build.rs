@@ -289,6 +289,7 @@ impl Builder<'_> {
             two_sided: m.needs_both_sides(),
             attributes: m.needs_attributes(),
             filtered: m.is_filtered(),
+            filtered_by_attribute: m.is_filtered_by_attribute(),
             null: m.has_null(),
             disperses: m.disperses(),
         };
@@ -365,6 +366,7 @@ impl Builder<'_> {
         plan.deforming = geometry.moving_count() as usize;
         plan.curves = geometry.curve_count() as usize;
         plan.groups = geometry.parts() as usize - 1;
+        plan.attributes = geometry.attribute_count();
         plan.moving_instances = geometry.instances().iter().filter(|i| i.moves()).count();
         plan.moving_lights = lights.iter().filter(|l| l.moves()).count();
         plan.motion = geometry.moves() || plan.camera_motion || plan.moving_lights > 0;

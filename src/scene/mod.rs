@@ -29,7 +29,7 @@ use crate::material::{Material, Point, Scatter};
 use crate::math::{Bounds, DVec3, Frame, Ray, Rgb, Vec2, Vec3};
 use crate::medium::Medium;
 use crate::shape::{Geometry, Hit, SurfacePoint};
-use crate::texture::{Footprint, More, NO_ATTRIBUTES, TextureFilter};
+use crate::texture::{Footprint, MAX_ATTRIBUTES, More, NO_ATTRIBUTES, NO_FOOTPRINTS, TextureFilter};
 
 /// Choices of the command line that go over the scene file.
 #[derive(Clone, Debug, Default)]
@@ -99,6 +99,8 @@ struct Traits {
     attributes: bool,
     /// It averages over footprints.
     filtered: bool,
+    /// It does so in coordinates that an attribute of the mesh holds.
+    filtered_by_attribute: bool,
     /// Some light passes straight through.
     null: bool,
     /// It refracts colours apart.
@@ -214,9 +216,14 @@ impl Scene {
             filled = More {
                 attributes: if attributes { self.geometry.attributes(surface) } else { NO_ATTRIBUTES },
                 footprint: if filtered {
-                    Footprint::new(carried.footprint, wo, dpdu, dpdv)
+                    self.own_footprint(surface, wo, carried.footprint)
                 } else {
                     Footprint::POINT
+                },
+                footprints: if self.traits[index].filtered_by_attribute {
+                    self.footprints(surface, wo, carried.footprint)
+                } else {
+                    NO_FOOTPRINTS
                 },
             };
             Some(&filled)
@@ -227,6 +234,22 @@ impl Scene {
         let point = Point { uv, more, wo, ng, frame, dpdu, dpdv, wavelength };
         self.materials[index].at(&point, room);
         Interaction { surface, wo, carried, scatter: room, two_sided }
+    }
+
+    /// The footprint of a beam of so much width along `wo` in (u, v).
+    #[cold]
+    fn own_footprint(&self, surface: &SurfacePoint, wo: Vec3, width: f32) -> Footprint {
+        let [dpdu, dpdv] = self.geometry.uv_derivatives(surface);
+        Footprint::new(width, wo, dpdu, dpdv)
+    }
+
+    /// The footprints of a beam of so much width along `wo` in the coordinates that
+    /// attributes hold.
+    #[cold]
+    fn footprints(&self, surface: &SurfacePoint, wo: Vec3, width: f32) -> [Footprint; MAX_ATTRIBUTES] {
+        self.geometry
+            .attribute_derivatives::<MAX_ATTRIBUTES>(surface)
+            .map(|[dpds, dpdt]| Footprint::new(width, wo, dpds, dpdt))
     }
 
     /// True when some light passes straight through a shape.

@@ -34,6 +34,8 @@ pub struct Plan {
     pub unsampled_lights: usize,
     /// Those of them that are curves.
     pub glowing_curves: usize,
+    /// Attributes of meshes that are kept.
+    pub attributes: usize,
     /// Some material refracts colours apart.
     pub dispersion: bool,
     /// Media, each of which absorbs.
@@ -179,6 +181,11 @@ impl Plan {
         leave(self.unread_images > 0, format!("images: {} that nothing shows; not read", self.unread_images));
         leave(self.black_lights > 0, format!("lights: {} without power", self.black_lights));
         leave(self.dropped_triangles > 0, format!("triangles: {} without area", self.dropped_triangles));
+        leave(self.attributes == 0, "mesh attributes: no texture reads any".into());
+        leave(
+            self.placed_lights == 0 && self.unsampled_lights == 0,
+            "placed lamps: no lamp is in an instance or a shape that moves".into(),
+        );
         leave(!self.dispersion, "dispersion: none; no path has a wavelength".into());
         leave(
             self.pyramid_bytes == 0,

@@ -536,12 +536,19 @@ fn direction(mean: Vec3) -> Option<Vec3> {
 /// coincide.
 fn tangents([e1, e2]: [DVec3; 2], corners: Option<[Vec2; 3]>, normal: Vec3) -> [Vec3; 2] {
     let Some(corners) = corners else { return [e1.as_vec3(), e2.as_vec3()] };
+    along([e1, e2], corners).unwrap_or_else(|| {
+        let frame = Frame::from_normal(normal);
+        [frame.s, frame.t]
+    })
+}
+
+/// The derivatives of the position by coordinates that a triangle with these edges
+/// has at its corners; `None` where the corners coincide in them.
+#[inline(always)]
+pub(super) fn along([e1, e2]: [DVec3; 2], corners: [Vec2; 3]) -> Option<[Vec3; 2]> {
     let [u0, u1, u2] = corners.map(|c| c.as_dvec2());
     let (d1, d2) = (u1 - u0, u2 - u0);
     let det = d1.perp_dot(d2);
-    if det == 0.0 {
-        let frame = Frame::from_normal(normal);
-        return [frame.s, frame.t];
-    }
-    [(e1 * d2.y - e2 * d1.y) / det, (e2 * d1.x - e1 * d2.x) / det].map(|d| d.as_vec3())
+    let along = || [(e1 * d2.y - e2 * d1.y) / det, (e2 * d1.x - e1 * d2.x) / det].map(|d| d.as_vec3());
+    (det != 0.0).then(along)
 }

@@ -125,6 +125,12 @@ impl Placed {
         (self.0.matrix * p.as_dvec3() + self.0.translation).as_vec3()
     }
 
+    /// The vector between two points of the group in the world.
+    #[must_use]
+    pub fn edge_to_world(&self, edge: DVec3) -> DVec3 {
+        self.0.matrix * edge
+    }
+
     /// A normal of the world in the group's space, of unit length.
     #[must_use]
     pub fn normal_to_local(&self, n: Vec3) -> Vec3 {

@@ -221,10 +221,11 @@ impl Bitmap {
         Some(Raster { map, bilinear: self.filter_type == FilterType::Bilinear })
     }
 
-    /// Keeps means over ever more texels from now on, unless a footprint in
-    /// (u, v) says nothing about it or there is nothing to average.
+    /// Keeps means over ever more texels from now on, unless there is nothing to
+    /// average. An image looked up at the nearest texel has steps by intention and
+    /// keeps them.
     pub fn filter(&self, pyramids: &mut Pyramids) {
-        let smooth = self.filter_type == FilterType::Bilinear && self.uv_slot.is_none();
+        let smooth = self.filter_type == FilterType::Bilinear;
         let rows = [Vec2::X, Vec2::Y].map(|axis| Vec2::from(self.to_uv.pull_back(axis)));
         let map = Mat2::from_cols(rows[0], rows[1]).transpose();
         let texel = map.inverse() * Mat2::from_diagonal(resolution(&self.texels).recip());
@@ -241,6 +242,12 @@ impl Bitmap {
         self.coarser.get().is_some()
     }
 
+    /// True when it averages over footprints in coordinates that an attribute holds.
+    #[must_use]
+    pub fn is_filtered_by_attribute(&self) -> bool {
+        self.reads_attributes() && self.is_filtered()
+    }
+
     /// Its image, while that is alive.
     pub(crate) fn image(&self) -> *const Image {
         self.texels.key().0
@@ -250,7 +257,11 @@ impl Bitmap {
     #[inline]
     fn probes(&self, at: &Coords) -> Option<(&Texels, Probes)> {
         let (more, coarser) = (at.more?, self.coarser.get()?);
-        let probes = more.footprint.probes(&coarser.texel)?;
+        let footprint = match self.uv_slot {
+            None => &more.footprint,
+            Some(slot) => more.footprints.get(usize::from(slot))?,
+        };
+        let probes = footprint.probes(&coarser.texel)?;
         let texels = match probes.level {
             0 => &self.texels,
             level => coarser.levels.get(level - 1).or(coarser.levels.last()).unwrap_or(&self.texels),

@@ -24,7 +24,7 @@ pub use attribute::{Attribute, Attributes, MAX_ATTRIBUTES, NO_ATTRIBUTES};
 pub use bitmap::{Bitmap, FilterType, WrapMode};
 pub use checkerboard::Checkerboard;
 pub use parse::{Usage, attribute_texture, texture_from_desc, texture_param, texture_param_opt};
-pub use pyramid::{Footprint, Pyramids};
+pub use pyramid::{Footprint, NO_FOOTPRINTS, Pyramids};
 pub use texels::Texels;
 
 use std::sync::Arc;
@@ -98,8 +98,10 @@ pub struct Coords<'a> {
 pub struct More {
     /// Attributes of the mesh, zero if nobody has filled them in.
     pub attributes: Attributes,
-    /// The footprint of the sample.
+    /// The footprint of the sample in (u, v).
     pub footprint: Footprint,
+    /// That in the coordinates which an attribute holds, by slot: a point where it holds none.
+    pub footprints: [Footprint; MAX_ATTRIBUTES],
 }
 
 impl From<Vec2> for Coords<'_> {

@@ -25,6 +25,7 @@ use std::sync::Arc;
 use half::f16;
 use rayon::prelude::*;
 
+use super::attribute::MAX_ATTRIBUTES;
 use super::texels::Texels;
 use crate::desc::{Image, Pixels};
 use crate::math::{Vec2, Vec3};
@@ -38,6 +39,9 @@ pub struct Footprint {
     /// E, F and G of the quadratic form of (u, v) that is 1/4 on its border.
     form: [f32; 3],
 }
+
+/// A point in the coordinates of every attribute.
+pub const NO_FOOTPRINTS: [Footprint; MAX_ATTRIBUTES] = [Footprint::POINT; MAX_ATTRIBUTES];
 
 /// How to average over a footprint: `count` lookups, `step` apart, around the middle.
 #[derive(Clone, Copy, Debug)]
